@@ -1,0 +1,215 @@
+"""How many roots a box holds: the argument principle, with a bound that keeps every step of the phase below pi.
+
+f(s) = det(I - (c(s) - gamma) P(s)) on an edge of half length h about p: with |s - p| <= h,
+|G(s) - G(p)| <= h-bound, entry by entry, and rho(|G(p)^-1| bound) < sin(pi/m) excludes any aliasing. An
+interval that does not pass is halved, for all systems of the batch together.
+"""
+
+from dataclasses import dataclass
+from typing import final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import schur
+
+from delaytools.analysis.root_bounds import Box, ShiftedLoop, shifted_loop
+from delaytools.linear.channel import Delay
+from delaytools.linear.delay_system import DelaySystem
+from delaytools.linear.matrices import RealMatrix
+
+__all__ = ["Counts", "counted_in"]
+
+ComplexArray = NDArray[np.complex128]
+_LEVELS = 45
+_MOST_STEPS = 400_000
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Counts:
+    """numbers: roots in the box, per system; reached: False where a root lies on (or too near) the edge."""
+
+    numbers: NDArray[np.int64]
+    reached: NDArray[np.bool_]
+
+
+def counted_in(system: DelaySystem, spans: RealMatrix, box: Box) -> Counts:
+    """The number of characteristic roots in the box, with multiplicity, for each row of `spans` (k, m).
+
+    N = poles of P in the box + (change of arg f along the upper half of the edge)/pi
+    """
+    loop = shifted_loop(system, box.left)
+    loop_values = _LoopValues.of(loop)
+    start, end = _first_intervals(box)
+    owner, which = (index.ravel() for index in np.indices((len(spans), len(start))))
+    phase, reached = np.zeros(len(spans)), np.ones(len(spans), dtype=bool)
+    for _ in range(_LEVELS):
+        edge = loop_values.on(start, end)
+        change, passed = _phase_steps(system, loop, edge, spans[owner], which)
+        np.add.at(phase, owner[passed], change[passed])
+        owner, which = owner[~passed], which[~passed]
+        if not len(owner) or len(owner) > _MOST_STEPS:
+            break
+        start, end, owner, which = _halved(start, end, owner, which)
+    reached[owner] = False
+    turns = phase / np.pi
+    reached &= np.abs(turns - np.round(turns)) < 1e-3
+    return Counts(np.round(turns).astype(int) + _poles_in(loop, box), reached)
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class _Edge:
+    """P at the start, middle and end of each interval (k, m, m), and bounds of it and its change inside."""
+
+    points: tuple[ComplexArray, ComplexArray, ComplexArray]
+    half: RealMatrix
+    values: tuple[ComplexArray, ComplexArray, ComplexArray]
+    change: RealMatrix
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class _LoopValues:
+    """P(s) = C (sI - T)^-1 B + D with T upper triangular (Schur form)."""
+
+    T: ComplexArray
+    B: ComplexArray
+    C: ComplexArray
+    D: RealMatrix
+
+    @classmethod
+    def of(cls, loop: ShiftedLoop) -> "_LoopValues":
+        if not len(loop.A):
+            empty = np.zeros((0, 0), dtype=complex)
+            return cls(empty, loop.B.astype(complex), loop.C.astype(complex), loop.D)
+        T, Z = schur(loop.A, output="complex")
+        return cls(T, Z.conj().T @ loop.B, loop.C @ Z, loop.D)
+
+    def on(self, start: ComplexArray, end: ComplexArray) -> _Edge:
+        middle, half = (start + end) / 2, np.abs(end - start) / 2
+        resolvent = self._resolvent(middle)
+        left, right = self.C @ resolvent, resolvent @ self.B
+        step = half[:, None, None]
+        inside = np.eye(len(self.T)) - step * np.abs(resolvent)
+        near = np.any(half[:, None] >= 0.999 * np.abs(middle[:, None] - np.diag(self.T)), axis=1)
+        inside[near] = np.eye(len(self.T))
+        tail = np.abs(resolvent) @ np.linalg.solve(inside, np.abs(right))
+        change = step * np.abs(left @ right) + step**2 * np.abs(left) @ tail
+        change[near] = np.inf
+        values = (self._value(start), left @ self.B + self.D, self._value(end))
+        return _Edge((start, middle, end), half, values, change)
+
+    def _resolvent(self, s: ComplexArray) -> ComplexArray:
+        unit = np.eye(len(self.T))
+        return np.linalg.inv(s[:, None, None] * unit - self.T)
+
+    def _value(self, s: ComplexArray) -> ComplexArray:
+        return self.C @ self._resolvent(s) @ self.B + self.D
+
+
+def _first_intervals(box: Box) -> tuple[ComplexArray, ComplexArray]:
+    """The upper half of the box's edge, counterclockwise from its real right end to its real left end."""
+    heights = box.top * np.concatenate([[0.0], 2.0 ** np.arange(-12, 0), [0.75, 1.0]])
+    up = box.right + 1j * heights
+    across = np.linspace(box.right, box.left, 4)[1:-1] + 1j * box.top
+    down = box.left + 1j * heights[::-1]
+    path = np.concatenate([up, across, down])
+    return path[:-1], path[1:]
+
+
+def _halved(
+    start: ComplexArray, end: ComplexArray, owner: NDArray[np.int64], which: NDArray[np.int64]
+) -> tuple[ComplexArray, ComplexArray, NDArray[np.int64], NDArray[np.int64]]:
+    """The intervals still needed, each in two halves, and who needs them."""
+    needed, position = np.unique(which, return_inverse=True)
+    first, last = start[needed], end[needed]
+    middle = (first + last) / 2
+    return (
+        np.concatenate([first, middle]),
+        np.concatenate([middle, last]),
+        np.concatenate([owner, owner]),
+        np.concatenate([position, position + len(needed)]),
+    )
+
+
+def _phase_steps(
+    system: DelaySystem, loop: ShiftedLoop, edge: _Edge, spans: RealMatrix, which: NDArray[np.int64]
+) -> tuple[RealMatrix, NDArray[np.bool_]]:
+    """The change of arg f over each step, and whether it is proved to be below pi on both halves."""
+    m = system.n_channels
+    if m == 0:
+        return np.zeros(len(which)), np.ones(len(which), dtype=bool)
+    channel = [_channels_at(system, s[which], spans) - loop.gamma for s in edge.points]
+    return_difference = [
+        np.eye(m) - c[:, :, None] * P[which] for c, P in zip(channel, edge.values, strict=True)
+    ]
+    first, middle, last = (_determinant(matrix) for matrix in return_difference)
+    bound = _change_bound(system, loop, edge, spans, which)
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+        size = _radius_bound(np.abs(_inverse(return_difference[1])) @ bound)
+        change = np.angle(middle / first) + np.angle(last / middle)
+        passed = (size < np.sin(np.pi / max(m, 2)) * 0.98) & np.isfinite(change)
+    return change, passed
+
+
+def _change_bound(
+    system: DelaySystem, loop: ShiftedLoop, edge: _Edge, spans: RealMatrix, which: NDArray[np.int64]
+) -> RealMatrix:
+    """A bound of |G(s) - G(p)| over each step, entry by entry: dc |P(p)| + sup|c - gamma| dP."""
+    half = edge.half[which, None]
+    lowest = np.minimum(edge.points[0].real, edge.points[2].real)[which]
+    nearest = np.minimum(np.abs(edge.points[0]), np.abs(edge.points[2]))[which, None]
+    largest, slope = np.empty_like(spans), np.empty_like(spans)
+    for i, channel in enumerate(system.channels):
+        x = lowest * spans[:, i]
+        largest[:, i] = channel.kappa(x).real
+        exponential = np.exp(-np.minimum(x, 0.0))
+        slope[:, i] = spans[:, i] * (np.exp(-x) if isinstance(channel, Delay) else exponential / 2)
+        if not isinstance(channel, Delay):
+            with np.errstate(divide="ignore"):
+                decayed = (1 + np.exp(-x)) / (nearest[:, 0] * spans[:, i])
+            vertical = edge.points[0].real[which] == edge.points[2].real[which]
+            largest[:, i] = np.where(vertical, np.minimum(largest[:, i], decayed), largest[:, i])
+    moved = np.minimum(half * slope, 2 * largest)
+    with np.errstate(invalid="ignore"):
+        spread = (largest + abs(loop.gamma))[:, :, None] * edge.change[which]
+    spread = np.where(np.isnan(spread), np.inf, spread)
+    return moved[:, :, None] * np.abs(edge.values[1])[which] + spread
+
+
+def _channels_at(system: DelaySystem, s: ComplexArray, spans: RealMatrix) -> ComplexArray:
+    values = [channel.kappa(s * spans[:, i]) for i, channel in enumerate(system.channels)]
+    return np.stack(values, axis=-1)
+
+
+def _determinant(matrix: ComplexArray) -> ComplexArray:
+    return matrix[:, 0, 0] if matrix.shape[-1] == 1 else np.linalg.det(matrix)
+
+
+def _inverse(matrix: ComplexArray) -> ComplexArray:
+    """Inverses of a stack; nan where one is singular."""
+    if matrix.shape[-1] == 1:
+        return 1.0 / matrix
+    singular = np.abs(np.linalg.det(matrix)) == 0.0
+    inverse = np.linalg.inv(np.where(singular[:, None, None], np.eye(matrix.shape[-1]), matrix))
+    inverse[singular] = np.nan
+    return inverse
+
+
+def _radius_bound(matrix: RealMatrix) -> RealMatrix:
+    """An upper bound of the spectral radius of each nonnegative matrix: max (K v)/v (Collatz, Wielandt)."""
+    if matrix.shape[-1] == 1:
+        return matrix[:, 0, 0]
+    v = np.ones(matrix.shape[:-1])
+    for _ in range(4):
+        v = np.einsum("kij,kj->ki", matrix, v) + 1e-12
+        v = v / v.max(axis=1, keepdims=True) + 1e-9
+    return np.max(np.einsum("kij,kj->ki", matrix, v) / v, axis=1)
+
+
+def _poles_in(loop: ShiftedLoop, box: Box) -> int:
+    inside = (
+        (loop.poles.real > box.left) & (loop.poles.real < box.right) & (np.abs(loop.poles.imag) < box.top)
+    )
+    return int(np.sum(inside))

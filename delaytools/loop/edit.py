@@ -1,0 +1,126 @@
+"""Loop → Loop: put a block at a port, act on a derivative, take a block out, open the loop at a signal."""
+
+from dataclasses import replace
+
+from delaytools.blocks.block import Block, Transport
+from delaytools.blocks.gain import Gain
+from delaytools.loop.loop import Element, Loop, Placed
+from delaytools.loop.port import Port
+from delaytools.signals.expression import Expression, signal_expression
+from delaytools.signals.trouble import DesignError
+
+__all__ = ["act", "cut", "insert", "reader", "remove", "wire"]
+
+
+def insert(
+    loop: Loop,
+    port: Port,
+    block: Block,
+    *,
+    element: Element | None = None,
+    sources: dict[str, Expression] | None = None,
+) -> Loop:
+    """The loop with `block` between the port and what it is wired to, nearest to the port's downstream side.
+
+    The block's first input carries the port's signal; `sources` wires its other inputs. `element` gives the
+    name, path and marks of the new element (its block and wiring are filled in here).
+    """
+    mark = element or Element(f"{type(block).__name__}@{port}", block, {}, {})
+    mark = mark.but(name=_free_name(loop, mark.name))
+    host = loop[port.element]
+    first, *others = block.inputs
+    wiring = {name: (sources or {})[name] for name in others}
+    if port.kind == "input":
+        joint = f"{mark.name}.output"
+        new = mark.but(
+            block=block, inputs={first: host.inputs[port.name], **wiring}, outputs={"output": joint}
+        )
+        host = host.but(inputs={**host.inputs, port.name: signal_expression(joint)})
+        return _placed(loop, host, new, before=True)
+    if port.kind == "output":
+        joint = f"{mark.name}.input"
+        last, signal = _last_writer(loop, host.outputs[port.name], host, port.name)
+        new = mark.but(
+            block=block, inputs={first: signal_expression(joint), **wiring}, outputs={"output": signal}
+        )
+        renamed = {name: joint if s == signal else s for name, s in last.outputs.items()}
+        return _placed(loop, last.but(outputs=renamed), new, before=False)
+    raise DesignError(
+        "this acts on a signal", where=str(port), found=f"a {port.kind} port", advice="use an input or output"
+    )
+
+
+def _last_writer(loop: Loop, signal: str, host: Element, port: str) -> tuple[Element, str]:
+    while signal.endswith(".input"):
+        follower = next(e for e in loop.elements if any(x.text == signal for x in e.inputs.values()))
+        host, signal = follower, follower.outputs["output"]
+    return host, signal
+
+
+def _free_name(loop: Loop, name: str) -> str:
+    taken = {element.name for element in loop.elements}
+    number, free = 2, name
+    while free in taken:
+        free, number = f"{name}#{number}", number + 1
+    return free
+
+
+def _placed(loop: Loop, host: Element, new: Element, *, before: bool) -> Loop:
+    pair = (new, host) if before else (host, new)
+    elements: list[Element] = []
+    for element in loop.elements:
+        elements.extend(pair if element.name == host.name else (element,))
+    return loop.but(elements=tuple(elements))
+
+
+def act(loop: Loop, port: Port, placed: Placed) -> Loop:
+    """The loop with a modifier on the derivative of a state of the port's block."""
+    host = loop[port.element]
+    return loop.replaced(host.but(modifiers=(*host.modifiers, placed)))
+
+
+def wire(element: Element) -> Element:
+    """The element replaced by a wire; raises DesignError where it has several inputs or outputs."""
+    if len(element.outputs) != 1 or (len(element.inputs) != 1 and not isinstance(element.block, Transport)):
+        raise DesignError(
+            "only a block with one input and one output can be replaced by a wire",
+            where=element.name,
+            found=f"{len(element.inputs)} inputs, {len(element.outputs)} outputs",
+        )
+    source = next(iter(element.inputs.values()))
+    target = next(iter(element.outputs.values()))
+    return replace(element, block=Gain(), inputs={"input": source}, outputs={"output": target}, modifiers=())
+
+
+def remove(loop: Loop, name: str) -> Loop:
+    """The loop with a block replaced by a wire, or without the effect `TYPE@PORT`."""
+    if any(element.name == name for element in loop.elements):
+        return loop.replaced(wire(loop[name]))
+    for element in loop.elements:
+        kept = tuple(p for p in element.modifiers if p.name != name)
+        if len(kept) < len(element.modifiers):
+            return loop.replaced(element.but(modifiers=kept))
+    known = [e.name for e in loop.elements] + [p.name for e in loop.elements for p in e.modifiers]
+    raise DesignError("nothing of that name to remove", found=repr(name), known=known)
+
+
+def reader(signal: str) -> str:
+    """The name under which a cut loop reads the signal that it no longer writes."""
+    return f"{signal}@read"
+
+
+def cut(loop: Loop, signal: str) -> Loop:
+    """The loop opened at the signal's writer: whatever read `signal` now reads the external `reader(signal)`."""
+    if signal not in loop.writers:
+        known = [name for name in loop.signals if name in loop.writers]
+        raise DesignError(
+            "the loop can be opened where a block writes a signal", found=repr(signal), known=known
+        )
+    elements = tuple(_reads_instead(element, signal) for element in loop.elements)
+    units = dict(loop.units) | ({reader(signal): loop.units[signal]} if signal in loop.units else {})
+    return loop.but(elements=elements, units=units)
+
+
+def _reads_instead(element: Element, signal: str) -> Element:
+    inputs = {port: x.renamed({signal: reader(signal)}) for port, x in element.inputs.items()}
+    return element.but(inputs=inputs)

@@ -1,0 +1,1 @@
+"""What flows: records, responses, parameters, units, formulas, and the words of trouble."""

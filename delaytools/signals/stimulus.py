@@ -1,0 +1,231 @@
+"""What drives an external input: step, pulse, doublet, sine, chirp, multisine, noise, formula, a log's column."""
+
+import math
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from delaytools.signals.expression import Expression
+from delaytools.signals.trouble import DesignError
+
+__all__ = [
+    "Chirp",
+    "Column",
+    "Doublet",
+    "Formula",
+    "Multisine",
+    "Noise",
+    "Pulse",
+    "Sine",
+    "Step",
+    "Stimulus",
+    "Zero",
+]
+
+Array = NDArray[np.float64]
+
+
+class Stimulus(ABC):
+    """A signal given as a function of time; before t = 0 it keeps the value it has just before."""
+
+    @abstractmethod
+    def value(self, t: Array) -> Array:
+        """Values at the times t (s), continuous from the right."""
+
+    @property
+    @abstractmethod
+    def jumps(self) -> tuple[float, ...]:
+        """Times (s) at which the value jumps."""
+
+
+@final
+@dataclass(frozen=True)
+class Zero(Stimulus):
+    """Nothing."""
+
+    jumps = ()
+
+    def value(self, t: Array) -> Array:
+        return np.zeros_like(t)
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class Step(Stimulus):
+    """amplitude from `start` on."""
+
+    amplitude: float
+    start: float = 0.0
+
+    @property
+    def jumps(self) -> tuple[float, ...]:
+        return (self.start,)
+
+    def value(self, t: Array) -> Array:
+        return self.amplitude * (t >= self.start)
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class Pulse(Stimulus):
+    """amplitude between `start` and `start + width`."""
+
+    amplitude: float
+    start: float = 0.0
+    width: float
+
+    @property
+    def jumps(self) -> tuple[float, ...]:
+        return self.start, self.start + self.width
+
+    def value(self, t: Array) -> Array:
+        return self.amplitude * ((t >= self.start) & (t < self.start + self.width))
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class Doublet(Stimulus):
+    """amplitude for `width`, then -amplitude for `width`."""
+
+    amplitude: float
+    start: float = 0.0
+    width: float
+
+    @property
+    def jumps(self) -> tuple[float, ...]:
+        return self.start, self.start + self.width, self.start + 2 * self.width
+
+    def value(self, t: Array) -> Array:
+        first = (t >= self.start) & (t < self.start + self.width)
+        second = (t >= self.start + self.width) & (t < self.start + 2 * self.width)
+        return self.amplitude * (first.astype(float) - second)
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class Sine(Stimulus):
+    """amplitude sin(2π frequency (t - start) + phase) from `start` on; frequency in Hz, phase in rad."""
+
+    amplitude: float
+    frequency: float
+    phase: float = 0.0
+    start: float = 0.0
+
+    @property
+    def jumps(self) -> tuple[float, ...]:
+        return (self.start,) if self.start > 0 or math.sin(self.phase) != 0 else ()
+
+    def value(self, t: Array) -> Array:
+        wave = np.sin(2 * math.pi * self.frequency * (t - self.start) + self.phase)
+        return self.amplitude * wave * (t >= self.start)
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class Chirp(Stimulus):
+    """A sine whose frequency goes from `from_frequency` to `to_frequency` (Hz) in `duration` s, exponentially."""
+
+    amplitude: float
+    from_frequency: float
+    to_frequency: float
+    duration: float
+    start: float = 0.0
+
+    @property
+    def jumps(self) -> tuple[float, ...]:
+        return self.start, self.start + self.duration
+
+    def value(self, t: Array) -> Array:
+        after = np.clip(t - self.start, 0.0, self.duration)
+        ratio = math.log(self.to_frequency / self.from_frequency) / self.duration
+        cycles = self.from_frequency * (np.expm1(ratio * after) / ratio if ratio else after)
+        inside = (t >= self.start) & (t < self.start + self.duration)
+        return self.amplitude * np.sin(2 * math.pi * cycles) * inside
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class Multisine(Stimulus):
+    """amplitude √(2/n) Σ sin(2π f_k t + φ_k): equal lines from `from_frequency` to `to_frequency` Hz, Schroeder phases.
+
+    rms value: `amplitude`. Phases: φ_k = -π k (k - 1) / n (Schroeder 1970).
+    """
+
+    amplitude: float
+    from_frequency: float
+    to_frequency: float
+    lines: int = 32
+
+    jumps = ()
+
+    def value(self, t: Array) -> Array:
+        k = np.arange(1, self.lines + 1)
+        frequency = np.linspace(self.from_frequency, self.to_frequency, self.lines)
+        phase = -math.pi * k * (k - 1) / self.lines
+        total = sum(np.sin(2 * math.pi * f * t + p) for f, p in zip(frequency, phase, strict=True))
+        return self.amplitude * math.sqrt(2 / self.lines) * np.asarray(total)
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class Noise(Stimulus):
+    """White Gaussian numbers of standard deviation `rms`, one every `period` s, joined by straight lines."""
+
+    rms: float
+    period: float = 1e-3
+    seed: int = 1
+
+    jumps = ()
+
+    def value(self, t: Array) -> Array:
+        place = np.maximum(t, 0.0) / self.period
+        drawn = self.rms * np.random.default_rng(self.seed).standard_normal(
+            int(np.ceil(place.max(initial=0))) + 2
+        )
+        return np.interp(place, np.arange(len(drawn)), drawn)
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class Formula(Stimulus):
+    """Any formula of t (s)."""
+
+    formula: Expression
+
+    jumps = ()
+
+    def __post_init__(self) -> None:
+        odd = [name for name in self.formula.names if name != "t"]
+        if odd:
+            raise DesignError(
+                "unknown name in the formula of an input", found=repr(odd[0]), known=["t", "pi"]
+            )
+
+    def value(self, t: Array) -> Array:
+        return np.broadcast_to(np.asarray(self.formula.evaluate({"t": t}), dtype=float), t.shape)
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class Column(Stimulus):
+    """Values at given times, joined by straight lines, or held until the next row."""
+
+    time: Array
+    values: Array
+    held: bool = False
+
+    @property
+    def jumps(self) -> tuple[float, ...]:
+        if not self.held:
+            return ()
+        changed = np.flatnonzero(np.diff(self.values)) + 1
+        return tuple(self.time[changed])
+
+    def value(self, t: Array) -> Array:
+        if self.held:
+            index = np.searchsorted(self.time, t, side="right") - 1
+            return self.values[np.clip(index, 0, len(self.values) - 1)]
+        return np.interp(t, self.time, self.values)

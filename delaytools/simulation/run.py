@@ -1,0 +1,164 @@
+"""Run a compiled loop: externals sampled at every stage, calls mapped over chunks, rows gathered."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import final
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from delaytools.loop.loop import Loop
+from delaytools.signals.stimulus import Column, Stimulus, Zero
+from delaytools.simulation.from_data import data_call
+from delaytools.simulation.physics import Physics, physics
+from delaytools.simulation.repeating import repeating_call
+from delaytools.simulation.timing import timing_of
+from delaytools.simulation.unroll import Call
+
+__all__ = ["Compiled", "compile_loop", "run"]
+
+Array = NDArray[np.float64]
+ROWS_PER_CHUNK = 500
+
+
+@final
+@dataclass(frozen=True)
+class Compiled:
+    """A loop ready to run for `frames` frames with the stimuli it was compiled for."""
+
+    model: Physics
+    call: Call
+    frames: int
+    frame: float
+    stimuli: Mapping[str, Stimulus]
+
+
+def compile_loop(
+    loop: Loop,
+    stimuli: Mapping[str, Stimulus],
+    *,
+    duration: float,
+    free: tuple[str, ...] = (),
+    substeps: int | None = None,
+) -> Compiled:
+    """The loop as one CasADi step, for runs of `duration` s; values at the paths in `free` stay symbols."""
+    model = physics(loop, free)
+    numeric = physics(loop) if free else model
+    jumps = {name: np.asarray(stimuli[name].jumps) for name in model.layout.externals if name in stimuli}
+    delays = {name: column for name in model.layout.transports if (column := _column(model, name, stimuli))}
+    timing = timing_of(numeric, jumps, substeps=substeps, delays=delays)
+    frames = round(duration / loop.frame)
+    call = repeating_call(model, timing) or data_call(model, timing, (frames + 1) * loop.frame)
+    return Compiled(model, call, frames, loop.frame, stimuli)
+
+
+def _column(model: Physics, name: str, stimuli: Mapping[str, Stimulus]) -> tuple[Array, Array] | None:
+    inputs = model.net.elements[name].inputs
+    if "delay" not in inputs:
+        return None
+    stimulus = stimuli.get(inputs["delay"].text)
+    return (stimulus.time, stimulus.values) if isinstance(stimulus, Column) else None
+
+
+def run(compiled: Compiled, values: tuple[float, ...] = ()) -> tuple[Array, Array]:
+    """(frames + 1,) s and (frames + 1, signals): the rows of the run, for the values of the free paths."""
+    call = compiled.call
+    calls, starts, lengths = _spans(compiled)
+    data = _external_data(compiled, starts, lengths, calls)
+    if call.data is not None:
+        data = np.hstack([data, call.data[:calls]])
+    state = np.asarray(initial_state(compiled, values)).ravel()
+    rows = _mapped(call, state, data, np.asarray(values, dtype=float))
+    signals = len(compiled.model.layout.signals)
+    table = rows.reshape(-1, signals)
+    if call.copies == 0:
+        table = table[: len(call.grid.row)][call.grid.row]
+    return compiled.frame * np.arange(compiled.frames + 1), table[: compiled.frames + 1]
+
+
+def _spans(compiled: Compiled) -> tuple[int, Array, Array]:
+    """Calls, and the start and length of every span in them."""
+    call, grid = compiled.call, compiled.call.grid
+    if call.copies == 0:
+        calls = -(-len(grid.start) // call.spans)
+        missing = calls * call.spans - len(grid.start)
+        start = np.append(grid.start, np.full(missing, grid.start[-1]))
+        return calls, start, np.append(grid.length, np.full(missing, grid.length[-1]))
+    calls = -(-(compiled.frames + 1) // call.rows)
+    one = float(np.sum(grid.length))
+    periods = calls * call.copies
+    start = (one * np.arange(periods)[:, None] + grid.start[None, :]).ravel()
+    return calls, start, np.tile(grid.length, periods)
+
+
+def _external_data(compiled: Compiled, start: Array, length: Array, calls: int) -> Array:
+    """(calls, spans x per_span): values at start (after a jump), middle and end (before it), slopes, time."""
+    inputs = compiled.call.inputs
+    columns: list[Array] = []
+    names = compiled.model.layout.externals
+    edge = 1e-9 * compiled.frame
+    sampled = [
+        [_at(compiled, n, start + part * length, edge * side) for n in names] for part, side in _STAGES
+    ]
+    columns += [values for stage in sampled for values in stage]
+    if inputs.points == 5:
+        quarter = [[_at(compiled, n, start + part * length, 0.0) for n in names] for part in (0.25, 0.75)]
+        for weights in _SLOPES:
+            for k in range(len(names)):
+                five = (sampled[0][k], quarter[0][k], sampled[1][k], quarter[1][k], sampled[2][k])
+                columns.append(sum(w * v for w, v in zip(weights, five, strict=True)) / 3)
+    if compiled.model.needs_time:
+        columns.append(start)
+    table = np.stack(columns, axis=1) if columns else np.zeros((len(start), 0))
+    return table.reshape(calls, -1)
+
+
+_STAGES = ((0.0, 1.0), (0.5, 0.0), (1.0, -1.0))
+_SLOPES = ((-25.0, 48.0, -36.0, 16.0, -3.0), (3.0, -16.0, 36.0, -48.0, 25.0))
+
+
+def _at(compiled: Compiled, name: str, t: Array, shift: float) -> Array:
+    stimulus = compiled.stimuli.get(name, Zero())
+    jumpy = shift if len(stimulus.jumps) else 0.0
+    return np.asarray(stimulus.value(t + jumpy), dtype=float)
+
+
+def _mapped(call: Call, state: Array, data: Array, p: Array) -> Array:
+    chunk = max(1, min(len(data), ROWS_PER_CHUNK // call.rows))
+    mapped = call.function.mapaccum(chunk)
+    spread = np.tile(p[:, None], (1, chunk))
+    found = []
+    for first in range(0, len(data), chunk):
+        part = data[first : first + chunk]
+        if len(part) < chunk:
+            part = np.vstack([part, np.repeat(part[-1:], chunk - len(part), axis=0)])
+        states, rows = mapped(state, part.T, spread)
+        state = np.asarray(states[:, -1]).ravel()
+        found.append(np.asarray(rows).T)
+    return np.vstack(found)
+
+
+def initial_state(compiled: Compiled, values: tuple[float, ...]) -> ca.DM:
+    """The state before t = 0: every signal at its initial value, the delays filled with it."""
+    model, layout = compiled.model, compiled.model.layout
+    states = [_number(s, model, values) for e in model.net.loop.continuous for s in e.block.initial_state]
+    kept = [_number(s, model, values) for e in model.net.loop.sampled for s in e.block.initial_state]
+    held = np.zeros(len(layout.held))
+    before = np.array([-compiled.frame * 1e-6])
+    external = np.array([float(compiled.stimuli.get(n, Zero()).value(before)[0]) for n in layout.externals])
+    delayed, memory = np.zeros(len(layout.transports)), np.zeros(len(layout.followers))
+    p = np.asarray(values, dtype=float)
+    for _ in range(1 + len(delayed) + len(memory)):
+        point = [states, held, delayed, memory, external, 0.0, 0.0, p]
+        entering, _ = model.delayed(*point, np.zeros(len(external)), np.zeros(len(delayed)))
+        delayed = np.asarray(entering).ravel()
+        memory = np.asarray(model.settled(*point)).ravel()
+    pieces = [n for z in delayed for _ in range(compiled.call.depth) for n in (z, 0.0, z, 0.0)]
+    return ca.DM([*states, *held, *kept, *memory, *pieces])
+
+
+def _number(item: object, model: Physics, values: tuple[float, ...]) -> float:
+    if isinstance(item, int | float):
+        return float(item)
+    return float(ca.Function("number", [model.symbol], [item])(np.asarray(values, dtype=float)))

@@ -1,0 +1,138 @@
+"""What the grid of a run needs to know of a loop: periods, delays, sharp arrivals, steps per frame."""
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from delaytools.blocks.block import Sampled, Transport
+from delaytools.simulation.physics import Physics
+from delaytools.simulation.schedule import Arrival, Timing
+
+__all__ = ["timing_of"]
+
+Array = NDArray[np.float64]
+STIFFNESS = 0.5  # largest |λ| h of one Runge–Kutta step
+SHARPEST = 3  # a jump in this derivative of a delayed signal no longer lowers the order of a Runge–Kutta step
+
+
+def timing_of(
+    model: Physics,
+    jumps: Mapping[str, Array],
+    *,
+    substeps: int | None = None,
+    delays: Mapping[str, tuple[Array, Array]] | None = None,
+) -> Timing:
+    """The timing of a loop whose values are all numbers.
+
+    jumps: external signal -> times at which it jumps. delays: transport -> (times, seconds) from a column.
+    """
+    net = model.net
+    periods = {e.name: float(e.block.period) for e in net.loop.sampled if isinstance(e.block, Sampled)}
+    functions, constants = [], []
+    for name in model.layout.transports:
+        function, number = _delay_function(net.elements[name].block, (delays or {}).get(name))
+        functions.append(function)
+        constants.append(number)
+    moments = {name: np.asarray(times) for name, times in jumps.items() if len(times)}
+    moments |= {e.name: np.asarray(e.block.jumps) for e in net.loop.continuous if hasattr(e.block, "jumps")}
+    arrivals = sharp_arrivals(model, tuple(moments))
+    count = substeps or _substeps(model)
+    return Timing(net.loop.frame, periods, tuple(functions), tuple(constants), arrivals, moments, count)
+
+
+def _delay_function(block: Any, column: tuple[Array, Array] | None) -> tuple[Any, float]:
+    assert isinstance(block, Transport)
+    if column is not None:
+        times, seconds = column
+        return (lambda t: np.maximum(np.interp(t, times, seconds), 0.0)), math.nan
+    t = ca.SX.sym("t")
+    formula = ca.Function("delay", [t], [block.seconds(t, [])])
+    if not block.varies:
+        number = float(formula(0.0))
+        return (lambda t: np.full(np.shape(t), number)), number
+    return (lambda t: np.asarray(formula(np.atleast_1d(t)[None, :])).ravel()), math.nan
+
+
+def _substeps(model: Physics) -> int:
+    """Steps per frame so that |λ| h stays within STIFFNESS at the initial point."""
+    size = len(model.layout.states)
+    if size == 0:
+        return 1
+    x = ca.SX.sym("x", size)
+    others = [ca.DM.zeros(*model.rates.size_in(i)) for i in range(1, 8)]
+    jacobian = ca.Function("jacobian", [x], [ca.densify(ca.jacobian(model.rates(x, *others), x))])
+    values = np.nan_to_num(np.asarray(jacobian(np.zeros(size))))
+    fastest = float(np.max(np.abs(np.linalg.eigvals(values))))
+    return max(1, min(100, math.ceil(fastest * model.net.loop.frame / STIFFNESS - 1e-9)))
+
+
+def sharp_arrivals(model: Physics, jumping: tuple[str, ...]) -> tuple[Arrival, ...]:
+    """Events (ticks of sampled blocks, jumps of inputs) and the delays through which they still arrive sharply.
+
+    A jump in the k-th derivative of what enters a delay lowers the order of the method where k < 3; every
+    integration raises k by one, a delay leaves it.
+    """
+    order, leaves = _smoothness(model)
+    sources = [(key[0], leaf) for leaf, key in enumerate(leaves) if key[1] == "held"]
+    sources += [
+        (key[0], leaf) for leaf, key in enumerate(leaves) if key[1] == "external" and key[0] in jumping
+    ]
+    sources += [
+        (key[0], leaf) for leaf, key in enumerate(leaves) if key[1] == "element" and key[0] in jumping
+    ]
+    first = {key: i for i, key in enumerate(leaves)}
+    found: dict[tuple[str, tuple[int, ...]], int] = {}
+    for source, leaf in sources:
+        _follow_delays(order, first, (source, (), leaf, 0), found)
+    return tuple(Arrival(source, through) for source, through in found)
+
+
+def _follow_delays(
+    order: Array, first: dict, here: tuple[str, tuple[int, ...], int, int], found: dict
+) -> None:
+    source, through, leaf, sharp = here
+    for delay in range(order.shape[0]):
+        total = sharp + order[delay, leaf]
+        path = (*through, delay)
+        if total >= SHARPEST or len(path) > 12 or found.get((source, tuple(sorted(path))), 99) <= total:
+            continue
+        found[source, tuple(sorted(path))] = int(total)
+        _follow_delays(order, first, (source, path, first[delay, "delay"], int(total)), found)
+
+
+def _smoothness(model: Physics) -> tuple[Array, list[tuple[Any, str]]]:
+    """(delays, leaves) the least number of integrations from a leaf to what enters a delay, and the leaves."""
+    layout = model.layout
+    leaves: list[tuple[Any, str]] = [(name, "held") for name, _ in layout.held]
+    leaves += [(i, "delay") for i in range(len(layout.transports))]
+    leaves += [(name, "external") for name in layout.externals]
+    names = ("v", "d", "e")
+    point = [ca.SX.sym(f"a{i}", *model.rates.size_in(i)) for i in range(8)]
+    chosen = ca.vertcat(*[point[{"v": 1, "d": 2, "e": 4}[n]] for n in names])
+    rates, inputs = model.rates(*point), _delay_inputs(model, point)
+    state_leaf = _pattern(rates, chosen)
+    state_state = _pattern(rates, point[0])
+    depth = np.where(state_leaf, 1.0, np.inf)
+    for _ in range(len(layout.states)):
+        step = np.min(np.where(state_state[:, :, None], depth[None], np.inf), axis=1, initial=np.inf) + 1
+        depth = np.minimum(depth, step)
+    direct = np.where(_pattern(inputs, chosen), 0.0, np.inf)
+    through = _pattern(inputs, point[0])
+    best = np.min(np.where(through[:, :, None], depth[None], np.inf), axis=1, initial=np.inf)
+    return np.minimum(direct, best), leaves
+
+
+def _delay_inputs(model: Physics, point: list[ca.SX]) -> ca.SX:
+    zeros = [ca.SX.zeros(*model.delayed.size_in(i)) for i in (8, 9)]
+    return model.delayed(*point, *zeros)[0]
+
+
+def _pattern(formula: ca.SX, variable: ca.SX) -> NDArray[np.bool_]:
+    if formula.shape[0] == 0 or variable.shape[0] == 0:
+        return np.zeros((formula.shape[0], variable.shape[0]), dtype=bool)
+    sparsity = ca.jacobian_sparsity(formula, variable)
+    return np.array(ca.DM(sparsity, 1)).astype(bool)
