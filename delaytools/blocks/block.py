@@ -28,6 +28,9 @@ __all__ = [
     "with_values",
 ]
 
+if hasattr(ca.GlobalOptions, "setNumpyMode"):
+    ca.GlobalOptions.setNumpyMode(1)  # NumPy functions on symbols give symbols
+
 Scalar = Any  # a float, a CasADi symbol, or an Expression of [parameters] that is not resolved yet
 
 CASADI = {

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import final
 
-import casadi as ca
+import numpy as np
 
 from delaytools.blocks.block import Scalar, Transport, value
 
@@ -42,8 +42,8 @@ class VariableDelay(Transport):
     varies = True
 
     def seconds(self, t: Scalar, u: Sequence[Scalar]) -> Scalar:
-        wave = ca.sin(2 * math.pi * self.frequency * t + self.phase)
-        return ca.fmax(self.mean + self.amplitude * wave, 0.0)
+        wave = np.sin(2 * math.pi * self.frequency * t + self.phase)
+        return np.fmax(self.mean + self.amplitude * wave, 0.0)
 
 
 @final
@@ -56,4 +56,4 @@ class SignalDelay(Transport):
     varies = True
 
     def seconds(self, t: Scalar, u: Sequence[Scalar]) -> Scalar:
-        return ca.fmax(u[0], 0.0)
+        return np.fmax(u[0], 0.0)

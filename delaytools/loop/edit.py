@@ -80,14 +80,16 @@ def act(loop: Loop, port: Port, placed: Placed) -> Loop:
 
 
 def wire(element: Element) -> Element:
-    """The element replaced by a wire; raises DesignError where it has several inputs or outputs."""
-    if len(element.outputs) != 1 or (len(element.inputs) != 1 and not isinstance(element.block, Transport)):
+    """The element replaced by a wire from its first input; raises DesignError where that has no clear meaning."""
+    names = element.block.inputs
+    single = len(names) == 1 or isinstance(element.block, Transport) or names[0] == "input"
+    if len(element.outputs) != 1 or not single:
         raise DesignError(
             "only a block with one input and one output can be replaced by a wire",
             where=element.name,
             found=f"{len(element.inputs)} inputs, {len(element.outputs)} outputs",
         )
-    source = next(iter(element.inputs.values()))
+    source = element.inputs[names[0]]
     target = next(iter(element.outputs.values()))
     return replace(element, block=Gain(), inputs={"input": source}, outputs={"output": target}, modifiers=())
 

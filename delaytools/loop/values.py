@@ -1,9 +1,9 @@
 """The numbers of a loop: every value by its path, resolved from [parameters], some of them left free."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
-from delaytools.blocks.block import CASADI, Scalar, Transport, flat_values, specifications, with_values
+from delaytools.blocks.block import CASADI, Scalar, flat_values, specifications, with_values
 from delaytools.blocks.equations import Equations
 from delaytools.loop.edit import wire
 from delaytools.loop.loop import Element, Loop, Placed
@@ -78,7 +78,7 @@ def _resolved(
         if not is_neutral(modifier):
             kept.append(Placed(modifier, placed.name, placed.path))
     element = element.but(block=block, modifiers=tuple(kept))
-    if (isinstance(block, Transport) or "@" in element.name) and is_neutral(block):
+    if is_neutral(block):
         return wire(element)
     return element
 
@@ -122,8 +122,3 @@ def is_neutral(item: Any) -> bool:
     return all(
         isinstance(getattr(item, n), int | float) and getattr(item, n) == s.neutral for n, s in specs.items()
     )
-
-
-def free_symbols(paths: Iterable[str], make: Any) -> dict[str, Scalar]:
-    """A symbol per path, made by `make` (such as casadi.SX.sym)."""
-    return {path: make(path) for path in paths}

@@ -49,12 +49,10 @@ def _delay_function(block: Any, column: tuple[Array, Array] | None) -> tuple[Any
     if column is not None:
         times, seconds = column
         return (lambda t: np.maximum(np.interp(t, times, seconds), 0.0)), math.nan
-    t = ca.SX.sym("t")
-    formula = ca.Function("delay", [t], [block.seconds(t, [])])
     if not block.varies:
-        number = float(formula(0.0))
+        number = float(block.seconds(0.0, []))
         return (lambda t: np.full(np.shape(t), number)), number
-    return (lambda t: np.asarray(formula(np.atleast_1d(t)[None, :])).ravel()), math.nan
+    return (lambda t: np.asarray(block.seconds(t, []))), math.nan
 
 
 def _substeps(model: Physics) -> int:

@@ -1,0 +1,48 @@
+"""Every kind of block and effect by the name that a design file uses."""
+
+from delaytools.blocks.backlash import Backlash
+from delaytools.blocks.block import Block
+from delaytools.blocks.dead_band import DeadBand
+from delaytools.blocks.delay import Delay
+from delaytools.blocks.first_order import FirstOrder
+from delaytools.blocks.gain import Gain
+from delaytools.blocks.integrator import Integrator
+from delaytools.blocks.lead_lag import LeadLag
+from delaytools.blocks.notch import Notch
+from delaytools.blocks.quantizer import Quantizer
+from delaytools.blocks.rate_limiter import RateLimiter
+from delaytools.blocks.sample_hold import SampleHold
+from delaytools.blocks.saturation import Saturation
+from delaytools.blocks.second_order import SecondOrder
+from delaytools.blocks.state_space import StateSpace
+from delaytools.blocks.transfer_function import TransferFunction
+from delaytools.effects.coulomb_friction import CoulombFrictionEffect
+from delaytools.effects.dead_band import DeadBandEffect
+from delaytools.effects.delay import DelayEffect
+from delaytools.effects.effect import Effect
+
+__all__ = ["BLOCKS", "EFFECTS", "PARAMETER_CHANGE"]
+
+PARAMETER_CHANGE = "parameter_change"
+
+BLOCKS: dict[str, type[Block]] = {
+    "gain": Gain,
+    "integrator": Integrator,
+    "first_order": FirstOrder,
+    "second_order": SecondOrder,
+    "transfer_function": TransferFunction,
+    "state_space": StateSpace,
+    "lead_lag": LeadLag,
+    "notch": Notch,
+    "delay": Delay,
+    "sample_hold": SampleHold,
+    "dead_band": DeadBand,
+    "saturation": Saturation,
+    "quantizer": Quantizer,
+    "backlash": Backlash,
+    "rate_limiter": RateLimiter,
+}
+
+EFFECTS: dict[str, type[Effect]] = {
+    kind.kind: kind for kind in (DelayEffect, DeadBandEffect, CoulombFrictionEffect)
+}

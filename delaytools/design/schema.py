@@ -1,0 +1,138 @@
+"""The shape of a design file: which tables and keys there are."""
+
+from typing import Any, final
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from delaytools.signals.trouble import DesignError, nearest
+
+__all__ = ["DesignTable", "check_shape"]
+
+Quantity = float | str
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(extra="forbid", strict=True)
+
+
+class _Open(BaseModel):
+    model_config = ConfigDict(extra="allow", strict=True)
+
+
+@final
+class BlockTable(_Open):
+    """[blocks.NAME]: the type, the wiring, and the values that the type takes."""
+
+    type: str
+
+
+@final
+class EffectTable(_Open):
+    """[[effects]]: the type, the port, and the values that the type takes."""
+
+    type: str
+    at: str
+
+
+@final
+class ConfigurationTable(_Table):
+    """[configurations.NAME]: overrides by dotted path, and effects of its own."""
+
+    description: str = ""
+    extend: str | None = None
+    set: dict[str, Any] = {}
+    effects: list[EffectTable] = []
+
+
+@final
+class SimulationTable(_Table):
+    """[simulation]."""
+
+    duration: Quantity = 10.0
+    seed: int = 1
+    substeps: int | None = None
+
+
+@final
+class AnalysisTable(_Table):
+    """[analysis]: defaults of the commands."""
+
+    at: str | None = None
+    delay_at: str | None = None
+    delay: list[Quantity] | None = None
+
+
+@final
+class FlightTable(_Table):
+    """[flight]: what the bench adds, taken out."""
+
+    remove: list[str] = []
+
+
+@final
+class TuningTable(_Table):
+    """[tuning]: what may move, and what is wished."""
+
+    vary: dict[str, list[Quantity]] = {}
+    goals: list[dict[str, Any]] = []
+
+
+@final
+class LogTable(_Table):
+    """[log]: how a log's columns map to signals."""
+
+    time: str | None = None
+    columns: dict[str, str] = {}
+
+
+@final
+class DesignTable(_Table):
+    """A whole design file."""
+
+    title: str = ""
+    frame: Quantity = 1e-3
+    parameters: dict[str, Quantity] = {}
+    signals: dict[str, str] = {}
+    blocks: dict[str, BlockTable] = {}
+    effects: list[EffectTable] = []
+    configurations: dict[str, ConfigurationTable] = {}
+    tolerance: dict[str, Quantity] = {}
+    inputs: dict[str, dict[str, Any]] = {}
+    simulation: SimulationTable = SimulationTable()
+    analysis: AnalysisTable = AnalysisTable()
+    flight: FlightTable = FlightTable()
+    tuning: TuningTable = TuningTable()
+    log: LogTable = LogTable()
+
+
+def check_shape(data: dict[str, Any]) -> tuple[DesignTable, list[DesignError]]:
+    """The tables of a design, and every fault of their shape."""
+    try:
+        return DesignTable.model_validate(data), []
+    except ValidationError as error:
+        return DesignTable(), [_fault(item, data) for item in error.errors()]
+
+
+def _fault(item: Any, data: dict[str, Any]) -> DesignError:
+    path = [str(part) for part in item["loc"] if str(part) not in ("float", "str", "int")]
+    where, name = ".".join(path), path[-1] if path else ""
+    if item["type"] == "extra_forbidden":
+        known = _keys_at(path[:-1])
+        close = nearest(name, known)
+        advice = f"nearest: {close}" if close else "remove it, or put it under the table it belongs to"
+        return DesignError("unknown key", where=where, known=known, advice=advice)
+    if item["type"] == "missing":
+        return DesignError("missing required value", where=where, advice=f"give {name}")
+    return DesignError(item["msg"][0].lower() + item["msg"][1:], where=where, found=repr(item.get("input")))
+
+
+def _keys_at(path: list[str]) -> list[str]:
+    model: Any = DesignTable
+    for part in path:
+        field = model.model_fields.get(part) if hasattr(model, "model_fields") else None
+        if field is None:
+            continue
+        inner = [field.annotation, *getattr(field.annotation, "__args__", ())]
+        models = [kind for kind in inner if isinstance(kind, type) and issubclass(kind, BaseModel)]
+        model = models[0] if models else model
+    return list(model.model_fields)

@@ -1,0 +1,204 @@
+"""Loop → linear system: the blocks' own formulas, differentiated at an operating point."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, final
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+
+from delaytools.blocks.block import Continuous, Sampled, Transport
+from delaytools.linear.sampled_system import SampledSystem, Sampler
+from delaytools.loop.edit import wire
+from delaytools.loop.loop import Element, Loop
+from delaytools.loop.network import Key, Leaves, Network, network
+from delaytools.loop.values import resolve
+from delaytools.signals.trouble import AnalysisError, DesignError
+
+__all__ = ["Linearised", "linearise"]
+
+
+@final
+@dataclass(frozen=True)
+class Linearised:
+    """A loop's linear system, and what it stands on.
+
+    system: [x'; z; q; y] = M [x; v; w; e] with its delays and samplers. without: effects taken at their neutral
+    value, `TYPE@PORT`. operating_point: state -> value where formulas were differentiated; empty where they are linear.
+    """
+
+    system: SampledSystem
+    without: tuple[str, ...]
+    operating_point: Mapping[str, float]
+
+
+@final
+@dataclass(frozen=True)
+class _Symbols:
+    x: ca.SX
+    v: ca.SX
+    w: ca.SX
+    e: ca.SX
+    states: tuple[Key, ...]
+    held: tuple[Key, ...]
+    transports: tuple[str, ...]
+    externals: tuple[str, ...]
+
+    @property
+    def all(self) -> ca.SX:
+        return ca.vertcat(self.x, self.v, self.w, self.e)
+
+
+def linearise(loop: Loop, inputs: Sequence[str] | None = None, outputs: Sequence[str] | None = None) -> Linearised:
+    """The linear system from external inputs to signals (default: all of each).
+
+    Amplitude-dependent effects are taken at their neutral value; other nonlinearities are differentiated where the
+    loop rests with every external input at zero. Raises AnalysisError where no such rest is found.
+    """
+    quiet, without = without_amplitude_effects(resolve(loop))
+    net = network(quiet)
+    symbols = _symbols(net)
+    leaves = _leaves(symbols)
+    known = net.signals(leaves)
+    chosen = tuple(outputs if outputs is not None else quiet.signals)
+    for name in chosen:
+        if name not in known:
+            raise DesignError("unknown signal", found=repr(name), known=quiet.signals)
+    rows = _rows(net, symbols, leaves, known, chosen)
+    point = _operating_point(net, symbols, rows)
+    kept = tuple(inputs if inputs is not None else symbols.externals)
+    matrix = _matrix(symbols, rows, point, kept)
+    names = tuple(f"{element}.{state}" for element, state in symbols.states)
+    delays = tuple(_seconds(net.elements[name]) for name in symbols.transports)
+    samplers = tuple(_sampler(e) for e in quiet.sampled)
+    system = SampledSystem(matrix, len(names), delays, samplers, kept, chosen, names)
+    where = dict(zip(names, point[: len(names)].tolist(), strict=True)) if np.any(point) else {}
+    return Linearised(system, without, where)
+
+
+def without_amplitude_effects(loop: Loop) -> tuple[Loop, tuple[str, ...]]:
+    """The resolved loop with amplitude-dependent effects at their neutral value, and their names.
+
+    Varying delays are kept at their mean, and named too.
+    """
+    names: list[str] = []
+    elements = []
+    for element in loop.elements:
+        if element.amplitude_dependent:
+            names.append(element.name)
+            element = wire(element)
+        elif isinstance(element.block, Transport) and element.block.varies:
+            names.append(element.name)
+        kept = tuple(p for p in element.modifiers if not p.modifier.amplitude_dependent)
+        names.extend(p.name for p in element.modifiers if p not in kept)
+        elements.append(element.but(modifiers=kept))
+    return loop.but(elements=tuple(elements)), tuple(names)
+
+
+def _symbols(net: Network) -> _Symbols:
+    loop = net.loop
+    states = tuple((e.name, s) for e in loop.continuous if isinstance(e.block, Continuous) for s in e.block.states)
+    held = tuple((e.name, port) for e in loop.sampled for port in e.block.outputs)
+    transports = tuple(e.name for e in loop.transports)
+    sizes = (len(states), len(held), len(transports), len(loop.externals))
+    x, v, w, e = (ca.SX.sym(name, size) for name, size in zip("xvwe", sizes, strict=True))
+    return _Symbols(x, v, w, e, states, held, transports, loop.externals)
+
+
+def _leaves(symbols: _Symbols) -> Leaves:
+    return Leaves(
+        t=0.0,
+        states={key: symbols.x[i] for i, key in enumerate(symbols.states)},
+        held={key: symbols.v[i] for i, key in enumerate(symbols.held)},
+        delayed={name: symbols.w[i] for i, name in enumerate(symbols.transports)},
+        memories={},
+        externals={name: symbols.e[i] for i, name in enumerate(symbols.externals)},
+    )
+
+
+def _rows(net: Network, symbols: _Symbols, leaves: Leaves, known: Mapping[str, Any], outputs: Sequence[str]) -> ca.SX:
+    rates = net.rates(leaves, known)
+    rows = [rates[key] for key in symbols.states]
+    for name in symbols.transports:
+        element = net.elements[name]
+        rows.append(net.input(element, element.block.inputs[0], known))
+    for element in net.loop.sampled:
+        rows.extend(net.input(element, port, known) for port in element.block.inputs)
+    rows.extend(known[name] for name in outputs)
+    return ca.vertcat(*[ca.SX(row) for row in rows])
+
+
+def _operating_point(net: Network, symbols: _Symbols, rows: ca.SX) -> NDArray[np.float64]:
+    """Values of (x, v, w, e) where rates vanish, delays and samplers are at rest and externals are 0."""
+    everything = symbols.all
+    if ca.is_linear(rows, everything) or everything.shape[0] == 0:
+        return np.zeros(everything.shape[0])
+    n, nv, nw = symbols.x.shape[0], symbols.v.shape[0], symbols.w.shape[0]
+    free = ca.vertcat(symbols.x, symbols.v, symbols.w)
+    sampled = rows[n + nw : n + nw + sum(len(e.block.inputs) for e in net.loop.sampled)]
+    still = ca.vertcat(rows[:n], rows[n : n + nw] - symbols.w, _sampled_rest(net, symbols, sampled))
+    still = ca.substitute(still, symbols.e, ca.DM.zeros(symbols.e.shape[0]))
+    residual = ca.Function("rest", [free], [still, ca.densify(ca.jacobian(still, free))])
+    begin = np.zeros(n + nv + nw)
+    begin[:n] = [float(s) for e in net.loop.continuous for s in e.block.initial_state]
+    found = least_squares(
+        lambda u: np.asarray(residual(u)[0]).ravel(), begin, jac=lambda u: np.asarray(residual(u)[1]), xtol=1e-15, ftol=1e-15
+    )
+    if not np.all(np.isfinite(found.x)) or np.max(np.abs(found.fun), initial=0.0) > 1e-8 * (1 + np.max(np.abs(found.x))):
+        raise AnalysisError(
+            "no operating point: the loop does not rest with all inputs at zero",
+            found=f"largest remaining rate {np.max(np.abs(found.fun)):.3g}",
+            advice="give initial states near an equilibrium",
+        )
+    return np.append(found.x, np.zeros(symbols.e.shape[0]))
+
+
+def _sampled_rest(net: Network, symbols: _Symbols, q: ca.SX) -> ca.SX:
+    """v - (steady output of each sampled block for the input q)."""
+    rests, at = [], 0
+    for element in net.loop.sampled:
+        sampler = _sampler(element)
+        count = len(element.block.inputs)
+        gain = sampler.D
+        if sampler.n_states:
+            gain = sampler.D + sampler.H @ np.linalg.pinv(np.eye(sampler.n_states) - sampler.F) @ sampler.G
+        rests.append(ca.mtimes(ca.DM(gain), q[at : at + count]))
+        at += count
+    return symbols.v - ca.vertcat(*rests) if rests else ca.SX(0, 1)
+
+
+def _matrix(symbols: _Symbols, rows: ca.SX, point: NDArray[np.float64], inputs: Sequence[str]) -> NDArray[np.float64]:
+    everything = symbols.all
+    jacobian = ca.Function("jacobian", [everything], [ca.densify(ca.jacobian(rows, everything))])
+    values = np.asarray(jacobian(point)).reshape(rows.shape[0], everything.shape[0])
+    own = everything.shape[0] - len(symbols.externals)
+    for name in inputs:
+        if name not in symbols.externals:
+            raise DesignError("not an external input", found=repr(name), known=symbols.externals)
+    columns = [*range(own), *(own + symbols.externals.index(name) for name in inputs)]
+    return values[:, columns]
+
+
+def _seconds(element: Element) -> float:
+    block = element.block
+    assert isinstance(block, Transport)
+    if not block.varies:
+        return float(block.seconds(0.0, []))
+    return float(getattr(block, "mean", 0.0))
+
+
+def _sampler(element: Element) -> Sampler:
+    """The linear part of a sampled block: x⁺ = F x + G q, v = H x + D q."""
+    block = element.block
+    assert isinstance(block, Sampled)
+    x, u = ca.SX.sym("x", len(block.states)), ca.SX.sym("u", len(block.inputs))
+    held = ca.SX.zeros(len(block.outputs), 1)
+    new, out = block.update(ca.vertsplit(x) if block.states else [], ca.vertsplit(u), ca.vertsplit(held))
+    both = [ca.vertcat(*[ca.SX(n) for n in new]) if new else ca.SX(0, 1), ca.vertcat(*[ca.SX(n) for n in out])]
+    parts = [ca.densify(ca.jacobian(formula, variable)) for formula in both for variable in (x, u)]
+    values = ca.Function("linear", [x, u], parts)(np.zeros(x.shape[0]), np.zeros(u.shape[0]))
+    sizes = [(f.shape[0], s.shape[0]) for f in both for s in (x, u)]
+    F, G, H, D = (np.asarray(part).reshape(size) for part, size in zip(values, sizes, strict=True))
+    return Sampler(float(block.period), F, G, H, D)
