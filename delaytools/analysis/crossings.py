@@ -7,10 +7,8 @@ from typing import final
 import numpy as np
 from numpy.typing import NDArray
 
-from delaytools.analysis.bracketing import refined_minima, refined_roots
+from delaytools.analysis.bracketing import Indices, refined_minima, refined_roots
 from delaytools.analysis.curve import FLOOR, ComplexArray, Curve, RealArray
-
-Indices = NDArray[np.intp]
 
 __all__ = ["GainCrossings", "PhaseCrossings", "gain_crossings", "phase_crossings"]
 
@@ -103,6 +101,8 @@ def phase_crossings(curve: Curve, delays: RealArray) -> PhaseCrossings:
     value = curve.response(omega)
     shifted = value * np.exp(-1j * omega * delays[index])
     real = (shifted.real < 0) & (np.abs(shifted.imag) <= 1e-6 * np.abs(shifted))
+    if curve.top is not None:
+        real &= omega < curve.top * (1 - 1e-9)  # the end itself is judged by its sign
     order = np.lexsort((omega, index))
     order = order[real[order]]
     return PhaseCrossings(index[order], omega[order], np.abs(value)[order])
@@ -118,8 +118,9 @@ def _passed(curve: Curve, whole: RealArray) -> tuple[Indices, Indices, RealArray
     step, first = steps[index, start], whole[index, start]
     count = np.where(curve.size[start] >= FLOOR, np.minimum(np.abs(step).astype(int), _SEVERAL), 1)
     offset = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)  # 0 .. n-1 for each segment
-    index, start, step, first = (np.repeat(part, count) for part in (index, start, step, first))
-    return index, start, np.where(step > 0, first + 1 + offset, first - offset)
+    step, first = np.repeat(step, count), np.repeat(first, count)
+    number = np.where(step > 0, first + 1 + offset, first - offset)
+    return np.repeat(index, count), np.repeat(start, count), number
 
 
 def _worth_following(curve: Curve, index: Indices, start: Indices) -> Indices:

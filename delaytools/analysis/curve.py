@@ -20,6 +20,7 @@ ComplexArray = NDArray[np.complex128]
 FLOOR = 0.01  # below this |L| a crossing is not listed, and only the first ones are looked for
 _POINTS_PER_DECADE = 24
 _MOST_POINTS = 100_000
+_FARTHEST = 1e6  # delays shorter than a millionth of the fastest time constant are not followed to their turn
 _BEND = 0.06  # log |L| and phase may leave the chord by this much at the middle of a segment
 _TURN = 0.8  # and the phase may turn by this much along half a segment, rad
 
@@ -42,13 +43,17 @@ class Features:
 @final
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """L(jω) at rising ω (n,) in rad/s > 0; `phase` unwrapped; `gap` marks the segments across a pole on the axis."""
+    """L(jω) at rising ω (n,) in rad/s > 0; `gap` marks the segments across a pole on the axis.
+
+    top: π/T of a sampled response, its last frequency; None for a continuous one.
+    """
 
     response: Callable[[RealArray], ComplexArray]
     features: Features
     omega: RealArray
     value: ComplexArray
     gap: NDArray[np.bool_]
+    top: float | None = None
 
     @cached_property
     def phase(self) -> RealArray:
@@ -147,19 +152,22 @@ def traced(
         omega, value = _joined(omega, value, fine, response)
         omega, value = _within_tail(omega, value, last, features)
     omega, value = _straightened(omega, value, response, features)
-    return Curve(response, features, omega, value, _gaps(omega, features.points))
+    return Curve(response, features, omega, value, _gaps(omega, features.points), top)
 
 
 def _range(features: Features, extra: RealArray, top: float | None) -> tuple[float, float]:
     sizes = np.abs(features.points)
     known = sizes[sizes > 1e-9 * sizes.max(initial=0.0)] if sizes.size else sizes
     spans = np.array([*features.spans, *extra])
+    spans = spans[spans > 1e-300]
     scales = np.concatenate([known, 1.0 / spans])
     if top is not None:
         return 1e-4 * min(top, scales.min(initial=top)), top
     if not scales.size:
         return 1e-3, 1e3
-    return 1e-3 * float(scales.min()), max(1e2 * float(known.max(initial=0.0)), 20.0 * float(scales.max()))
+    largest = float(known.max(initial=0.0)) or float(scales.min())
+    high = max(1e2 * largest, 20.0 * min(float(scales.max()), _FARTHEST * largest))
+    return 1e-3 * float(scales.min()), high
 
 
 def _logarithmic(low: float, high: float) -> RealArray:

@@ -14,7 +14,7 @@ from delaytools.signals.trouble import AnalysisError
 __all__ = ["Box", "ShiftedLoop", "enclosing_box", "shifted_loop"]
 
 _LARGEST_EXPONENT = 250.0
-_SHIFTS = (0.0, 1.0, 0.5, -0.5, -1.0, 2.0, 0.25)
+_FAR_ENOUGH = 0.05
 
 
 @final
@@ -47,12 +47,12 @@ def enclosing_box(system: DelaySystem, spans: RealMatrix, left: float, *, up_to:
 @final
 @dataclass(frozen=True, eq=False)
 class ShiftedLoop:
-    """The same loop with c_i - gamma in place of each channel c_i.
+    """The same loop with c_i - gamma_i in place of each channel c_i.
 
     det M(s) = det(sI - A) det(I - (c - gamma) P(s)) constant, P(s) = C (sI - A)^-1 B + D
     """
 
-    gamma: float
+    gamma: RealMatrix
     A: RealMatrix
     B: RealMatrix
     C: RealMatrix
@@ -61,29 +61,35 @@ class ShiftedLoop:
 
 
 def shifted_loop(system: DelaySystem, left: float) -> ShiftedLoop:
-    """The loop with the first gamma (0, 1, ...) that keeps the eigenvalues of A well off Re s = left."""
-    best, best_clearance = None, -1.0
-    for gamma in _SHIFTS:
-        loop = _shifted(system, gamma)
-        if loop is None:
-            continue
-        size = np.abs(loop.poles).max(initial=abs(left)) or 1.0
-        clearance = np.abs(loop.poles.real - left).min(initial=np.inf) / size
-        if clearance > best_clearance:
-            best, best_clearance = loop, clearance
-        if clearance > 0.02:
-            break
-    assert best is not None  # gamma = 0 is always possible
-    return best
+    """The loop with that gamma, among a few, that keeps the eigenvalues of A best off Re s = left.
+
+    The gammas differ from channel to channel: where channels cancel each other, a common one would leave a
+    root of the system among the eigenvalues.
+    """
+    loops = [_shifted(system, gamma) for gamma in _gammas(system.n_channels)]
+    return max((loop for loop in loops if loop is not None), key=lambda loop: _clearance(loop, left))
 
 
-def _shifted(system: DelaySystem, gamma: float) -> ShiftedLoop | None:
-    loop = np.eye(system.n_channels) - gamma * system.D22
+def _gammas(m: int) -> list[RealMatrix]:
+    index = np.arange(1, m + 1)
+    return [np.zeros(m), np.ones(m), *(0.9 * np.cos(turn * index) for turn in (1.0, 2.4, 0.37, 1.7))]
+
+
+def _clearance(loop: ShiftedLoop, left: float) -> float:
+    """How far the eigenvalues stay off the line, in sum of logarithms: those that no gamma moves do not decide."""
+    size = np.abs(loop.poles).max(initial=abs(left)) or 1.0
+    distance = np.minimum(np.abs(loop.poles.real - left) / size, _FAR_ENOUGH)
+    return float(np.sum(np.log(distance + 1e-9)) - 1e-3 * np.abs(loop.gamma).sum())
+
+
+def _shifted(system: DelaySystem, gamma: RealMatrix) -> ShiftedLoop | None:
+    loop = np.eye(system.n_channels) - system.D22 * gamma
     if loop.size and np.linalg.cond(loop) > 1e8:
         return None
+    # z = C2 x + D22 (gamma z + d), w = gamma z + d, with d the new channels' outputs
     C, D = np.linalg.solve(loop, system.C2), np.linalg.solve(loop, system.D22)
-    A = system.A + gamma * system.B2 @ C
-    B = system.B2 @ (np.eye(system.n_channels) + gamma * D)
+    A = system.A + (system.B2 * gamma) @ C
+    B = system.B2 + (system.B2 * gamma) @ D
     return ShiftedLoop(gamma, A, B, C, D, np.linalg.eigvals(A).astype(complex))
 
 

@@ -1,8 +1,8 @@
 """How many roots a box holds: the argument principle, with a bound that keeps every step of the phase below pi.
 
-f(s) = det(I - (c(s) - gamma) P(s)) on an edge of half length h about p: with |s - p| <= h,
-|G(s) - G(p)| <= h-bound, entry by entry, and rho(|G(p)^-1| bound) < sin(pi/m) excludes any aliasing. An
-interval that does not pass is halved, for all systems of the batch together.
+f(s) = det G(s), G = I - (c(s) - gamma) P(s), on an edge of half length h about p. With K a bound of
+|G(p)^-1 (G(s) - G(p))| for |s - p| <= h, entry by entry, rho(K) < sin(pi/m) excludes any aliasing of arg f.
+An interval that does not pass is halved, for all systems of the batch together.
 """
 
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ __all__ = ["Counts", "counted_in"]
 
 ComplexArray = NDArray[np.complex128]
 _LEVELS = 45
-_MOST_STEPS = 400_000
+_MOST_STEPS = 20_000  # per system, waiting at one level
 
 
 @final
@@ -48,7 +48,7 @@ def counted_in(system: DelaySystem, spans: RealMatrix, box: Box) -> Counts:
         change, passed = _phase_steps(system, loop, edge, spans[owner], which)
         np.add.at(phase, owner[passed], change[passed])
         owner, which = owner[~passed], which[~passed]
-        if not len(owner) or len(owner) > _MOST_STEPS:
+        if not len(owner) or len(owner) > _MOST_STEPS * len(spans):
             break
         start, end, owner, which = _halved(start, end, owner, which)
     reached[owner] = False
@@ -60,11 +60,17 @@ def counted_in(system: DelaySystem, spans: RealMatrix, box: Box) -> Counts:
 @final
 @dataclass(frozen=True, eq=False)
 class _Edge:
-    """P at the start, middle and end of each interval (k, m, m), and bounds of it and its change inside."""
+    """P at the start, middle p and end of each interval (k, m, m); C R and R B at p; and bounds of P's change.
+
+    R = (pI - T)^-1; |P(s) - P(p)| <= change = h |C R R B| + h^2 |C R| tail, inf where h reaches a pole of P.
+    """
 
     points: tuple[ComplexArray, ComplexArray, ComplexArray]
     half: RealMatrix
     values: tuple[ComplexArray, ComplexArray, ComplexArray]
+    left: ComplexArray
+    right: ComplexArray
+    tail: RealMatrix
     change: RealMatrix
 
 
@@ -98,7 +104,7 @@ class _LoopValues:
         change = step * np.abs(left @ right) + step**2 * np.abs(left) @ tail
         change[near] = np.inf
         values = (self._value(start), left @ self.B + self.D, self._value(end))
-        return _Edge((start, middle, end), half, values, change)
+        return _Edge((start, middle, end), half, values, left, right, tail, change)
 
     def _resolvent(self, s: ComplexArray) -> ComplexArray:
         unit = np.eye(len(self.T))
@@ -141,41 +147,39 @@ def _phase_steps(
     if m == 0:
         return np.zeros(len(which)), np.ones(len(which), dtype=bool)
     channel = [_channels_at(system, s[which], spans) - loop.gamma for s in edge.points]
-    return_difference = [
-        np.eye(m) - c[:, :, None] * P[which] for c, P in zip(channel, edge.values, strict=True)
-    ]
-    first, middle, last = (_determinant(matrix) for matrix in return_difference)
-    bound = _change_bound(system, loop, edge, spans, which)
+    difference = [np.eye(m) - c[:, :, None] * P[which] for c, P in zip(channel, edge.values, strict=True)]
+    first, middle, last = (_determinant(matrix) for matrix in difference)
+    moved = _channel_change(system, edge, spans, which)
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-        size = _radius_bound(np.abs(_inverse(return_difference[1])) @ bound)
+        size = _radius_bound(_relative_change(edge, which, _inverse(difference[1]), channel[1], moved))
         change = np.angle(middle / first) + np.angle(last / middle)
         passed = (size < np.sin(np.pi / max(m, 2)) * 0.98) & np.isfinite(change)
     return change, passed
 
 
-def _change_bound(
-    system: DelaySystem, loop: ShiftedLoop, edge: _Edge, spans: RealMatrix, which: NDArray[np.int64]
+def _relative_change(
+    edge: _Edge, which: NDArray[np.int64], inverse: ComplexArray, channel: ComplexArray, moved: RealMatrix
 ) -> RealMatrix:
-    """A bound of |G(s) - G(p)| over each step, entry by entry: dc |P(p)| + sup|c - gamma| dP."""
-    half = edge.half[which, None]
+    """K >= |G(p)^-1 (G(s) - G(p))| = |G^-1 ((c - gamma) dP + dc (P + dP))|; the first-order part of dP kept signed."""
+    half = edge.half[which, None, None]
+    closed = (inverse * channel[:, None, :]) @ edge.left[which]
+    rational = half * np.abs(closed @ edge.right[which]) + half**2 * (np.abs(closed) @ edge.tail[which])
+    carried = np.abs(edge.values[1])[which] + edge.change[which]
+    return rational + (np.abs(inverse) * moved[:, None, :]) @ carried
+
+
+def _channel_change(
+    system: DelaySystem, edge: _Edge, spans: RealMatrix, which: NDArray[np.int64]
+) -> RealMatrix:
+    """A bound of |c(s) - c(p)| over each step, (k, m): by the slope, at most twice the largest value."""
+    moved = np.empty_like(spans)
     lowest = np.minimum(edge.points[0].real, edge.points[2].real)[which]
-    nearest = np.minimum(np.abs(edge.points[0]), np.abs(edge.points[2]))[which, None]
-    largest, slope = np.empty_like(spans), np.empty_like(spans)
     for i, channel in enumerate(system.channels):
         x = lowest * spans[:, i]
-        largest[:, i] = channel.kappa(x).real
-        exponential = np.exp(-np.minimum(x, 0.0))
-        slope[:, i] = spans[:, i] * (np.exp(-x) if isinstance(channel, Delay) else exponential / 2)
-        if not isinstance(channel, Delay):
-            with np.errstate(divide="ignore"):
-                decayed = (1 + np.exp(-x)) / (nearest[:, 0] * spans[:, i])
-            vertical = edge.points[0].real[which] == edge.points[2].real[which]
-            largest[:, i] = np.where(vertical, np.minimum(largest[:, i], decayed), largest[:, i])
-    moved = np.minimum(half * slope, 2 * largest)
-    with np.errstate(invalid="ignore"):
-        spread = (largest + abs(loop.gamma))[:, :, None] * edge.change[which]
-    spread = np.where(np.isnan(spread), np.inf, spread)
-    return moved[:, :, None] * np.abs(edge.values[1])[which] + spread
+        mean_age = 1.0 if isinstance(channel, Delay) else 0.5
+        slope = mean_age * spans[:, i] * np.exp(-x if isinstance(channel, Delay) else -np.minimum(x, 0.0))
+        moved[:, i] = np.minimum(edge.half[which] * slope, 2 * channel.kappa(x).real)
+    return moved
 
 
 def _channels_at(system: DelaySystem, s: ComplexArray, spans: RealMatrix) -> ComplexArray:

@@ -12,9 +12,9 @@ __all__ = ["SampleHold"]
 @final
 @dataclass(frozen=True, kw_only=True)
 class SampleHold(Sampled):
-    """y = u at t = 0, period, 2 period, …, held in between."""
+    """y = u at t = 0, period, 2 period, …, held in between; a period of 0 is a wire."""
 
-    period: Scalar = value("s", low=0.0, exclusive=True)
+    period: Scalar = value("s", low=0.0, neutral=0.0)
 
     inputs = ("input",)
     outputs = ("output",)

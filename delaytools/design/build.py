@@ -46,9 +46,13 @@ def _chain(design: Design, configuration: str | None) -> list[str]:
     tables = design.tables.configurations
     while configuration is not None:
         if configuration not in tables:
-            raise DesignError("unknown configuration", where=design.name, found=repr(configuration), known=sorted(tables))
+            raise DesignError(
+                "unknown configuration", where=design.name, found=repr(configuration), known=sorted(tables)
+            )
         if configuration in chain:
-            raise DesignError("configurations extend each other in a circle", where=design.name, found=" -> ".join(chain))
+            raise DesignError(
+                "configurations extend each other in a circle", where=design.name, found=" -> ".join(chain)
+            )
         chain.append(configuration)
         configuration = tables[configuration].extend
     return chain
@@ -69,7 +73,9 @@ def override(data: dict[str, Any], path: str, raw: Any) -> None:
     else:
         blocks = data.get("blocks", {})
         if first not in blocks:
-            raise DesignError("unknown path", found=repr(path), known=[*sorted(blocks), "parameters", "effects"])
+            raise DesignError(
+                "unknown path", found=repr(path), known=[*sorted(blocks), "parameters", "effects"]
+            )
         home, key = blocks[first], rest
     _put(home, key, raw, path)
 
@@ -177,7 +183,9 @@ def _one_writer(loop: Loop) -> None:
 def _check_linear(loop: Loop, element: Element, port: str, names: tuple[str, ...]) -> None:
     symbols = {name: ca.SX.sym(name) for name in names if name not in loop.parameters}
     if not symbols:
-        raise DesignError("an input reads no signal", found=repr(element.inputs[port].text), advice="name a signal")
+        raise DesignError(
+            "an input reads no signal", found=repr(element.inputs[port].text), advice="name a signal"
+        )
     numbers = parameter_values(loop, {})
     formula = ca.SX(element.inputs[port].evaluate({**numbers, **symbols}, CASADI))
     if not ca.is_linear(formula, ca.vertcat(*symbols.values())):
@@ -195,7 +203,12 @@ def flight(design: Design, configuration: str | None = None) -> Loop:
     for name in design.tables.flight.remove:
         if "@" in name:
             if not _has(loop, name) and name not in everywhere:
-                raise DesignError("unknown effect", where=f"{design.name}: flight.remove", found=repr(name), known=sorted(everywhere))
+                raise DesignError(
+                    "unknown effect",
+                    where=f"{design.name}: flight.remove",
+                    found=repr(name),
+                    known=sorted(everywhere),
+                )
             loop = remove(loop, name) if _has(loop, name) else loop
         else:
             with_effects = [n for n in _effects_in(loop) if n.partition("@")[2].partition(".")[0] == name]

@@ -9,7 +9,7 @@ from delaytools.design.catalogue import BLOCKS
 from delaytools.design.values import Units, parameter, read_value
 from delaytools.loop.loop import Element
 from delaytools.signals.expression import Expression, constant
-from delaytools.signals.trouble import DesignError, nearest
+from delaytools.signals.trouble import DelaytoolsError, DesignError, nearest
 
 __all__ = ["make_element", "read_values"]
 
@@ -22,14 +22,21 @@ def make_element(
     """The element that a block's table describes; raises DesignError for what is unknown or missing."""
     kind = table["type"]
     if kind not in BLOCKS and kind != "equations":
-        raise DesignError("unknown block type", where=f"blocks.{name}.type", found=repr(kind), known=sorted(BLOCKS))
+        raise DesignError(
+            "unknown block type", where=f"blocks.{name}.type", found=repr(kind), known=sorted(BLOCKS)
+        )
     if kind == "equations":
         return _equations(name, table, parameters)
     outputs = _names(table, "output", f"blocks.{name}")
     unit = units.get(next(iter(outputs.values())) if isinstance(outputs, dict) else outputs[0], "")
     values = {key: raw for key, raw in table.items() if key not in WIRING}
     block = BLOCKS[kind](**read_values(BLOCKS[kind], values, f"blocks.{name}", Units(unit), parameters))
-    return Element(name, block, _inputs(table, block, name, parameters), _ported(outputs, block.outputs, f"blocks.{name}.output"))
+    return Element(
+        name,
+        block,
+        _inputs(table, block, name, parameters),
+        _ported(outputs, block.outputs, f"blocks.{name}.output"),
+    )
 
 
 def read_values(
@@ -41,7 +48,9 @@ def read_values(
         if key not in specs:
             close = nearest(key, specs)
             advice = f"nearest: {close}" if close else ""
-            raise DesignError("unknown value", where=f"{place}.{key}", known=sorted(specs) or ["none"], advice=advice)
+            raise DesignError(
+                "unknown value", where=f"{place}.{key}", known=sorted(specs) or ["none"], advice=advice
+            )
     for key in required(kind):
         if key not in values:
             unit = specs[key].unit
@@ -57,10 +66,8 @@ def _value(raw: Any, spec: Specification, place: str, units: Units, parameters: 
         return raw
     try:
         return read_value(raw, spec, units, parameters)
-    except DesignError as error:
+    except DelaytoolsError as error:
         raise error.at(place) from error
-    except Exception as error:
-        raise error.at(place) if hasattr(error, "at") else error
 
 
 def _names(table: Mapping[str, Any], key: str, place: str) -> Any:
@@ -73,7 +80,9 @@ def _names(table: Mapping[str, Any], key: str, place: str) -> Any:
         raise DesignError("missing required value", where=f"{place}.{key}", advice=f"give {key}")
     wired = [found] if isinstance(found, str) else found
     if not isinstance(wired, list | dict) or not wired:
-        raise DesignError("a signal name or a list of them is wanted", where=f"{place}.{key}", found=repr(found))
+        raise DesignError(
+            "a signal name or a list of them is wanted", where=f"{place}.{key}", found=repr(found)
+        )
     return wired
 
 
@@ -81,7 +90,11 @@ def _ported(wired: Any, ports: tuple[str, ...], place: str) -> dict[str, str]:
     if isinstance(wired, list):
         if len(wired) != len(ports):
             raise DesignError(
-                "wrong number of signals", where=place, found=f"{len(wired)}", known=ports, advice=f"give {len(ports)}"
+                "wrong number of signals",
+                where=place,
+                found=f"{len(wired)}",
+                known=ports,
+                advice=f"give {len(ports)}",
             )
         wired = dict(zip(ports, wired, strict=True))
     for port, text in wired.items():
@@ -120,7 +133,9 @@ def _equations(name: str, table: Mapping[str, Any], parameters: Mapping[str, Any
     for key in ("inputs", "outputs"):
         if not isinstance(table.get(key), Mapping):
             raise DesignError(
-                "missing required value", where=f"{place}.{key}", advice=f"give {key} = {{ name = ... }} of an equations block"
+                "missing required value",
+                where=f"{place}.{key}",
+                advice=f"give {key} = {{ name = ... }} of an equations block",
             )
     rates = _formulas(table.get("rates", {}), f"{place}.rates")
     formulas = _formulas(table["outputs"], f"{place}.outputs")
@@ -143,5 +158,7 @@ def _equations(name: str, table: Mapping[str, Any], parameters: Mapping[str, Any
 def _formulas(table: Mapping[str, Any], place: str) -> dict[str, Expression]:
     found = {}
     for key, raw in table.items():
-        found[key] = constant(raw) if isinstance(raw, int | float) else combination(str(raw), f"{place}.{key}")
+        found[key] = (
+            constant(raw) if isinstance(raw, int | float) else combination(str(raw), f"{place}.{key}")
+        )
     return found

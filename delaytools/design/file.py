@@ -17,7 +17,9 @@ def read_design(path: str | Path) -> Design:
         here = sorted(p.name for p in path.parent.glob("*.toml")) if path.parent.is_dir() else []
         raise DesignError("no such file", where=str(path), found=path.name, known=here) from error
     except UnicodeDecodeError as error:
-        raise DesignError("not a text file in UTF-8", where=str(path), advice="save the design as UTF-8") from error
+        raise DesignError(
+            "not a text file in UTF-8", where=str(path), advice="save the design as UTF-8"
+        ) from error
     except OSError as error:
         raise DesignError(f"cannot be read: {error.strerror}", where=str(path)) from error
     return parse_design(text, str(path))

@@ -74,7 +74,9 @@ def stimulus(table: Mapping[str, Any], *, signal_unit: str, frame: float, seed: 
 
 def _band(raw: Any) -> tuple[float, float]:
     if not isinstance(raw, list) or len(raw) != 2:
-        raise DesignError("a band has two frequencies", found=repr(raw), advice='write band = ["0.5 Hz", "10 Hz"]')
+        raise DesignError(
+            "a band has two frequencies", found=repr(raw), advice='write band = ["0.5 Hz", "10 Hz"]'
+        )
     low, high = (number(item, "Hz") for item in raw)
     if not 0 < low < high:
         raise DesignError("a band runs from a lower to a higher frequency", found=repr(raw))

@@ -50,7 +50,9 @@ def read_value(raw: Any, spec: Specification, units: Units, parameters: Collecti
     if isinstance(found, float) and not spec.allows(found):
         low, high = ("(", ")") if spec.exclusive else ("[", "]")
         raise DesignError(
-            "value outside its bounds", found=f"{raw!r}", advice=f"allowed: {low}{spec.low:g}, {spec.high:g}{high}"
+            "value outside its bounds",
+            found=f"{raw!r}",
+            advice=f"allowed: {low}{spec.low:g}, {spec.high:g}{high}",
         )
     return found
 
@@ -81,7 +83,9 @@ def _converted(parts: tuple[float, str], target: Unit | None) -> float:
         return amount
     if target is None:
         raise UnitError(
-            "the unit of this place is not declared", found=repr(symbol), advice="give a bare number, or the signal's unit"
+            "the unit of this place is not declared",
+            found=repr(symbol),
+            advice="give a bare number, or the signal's unit",
         )
     if symbol == "%" and not any(target.powers):
         return amount / 100

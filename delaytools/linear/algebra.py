@@ -79,7 +79,7 @@ def from_delay_differential(matrices: Sequence[ArrayLike], delays: Sequence[floa
     matrices: A_k (n,n); delays: tau_k >= 0 in s, as many. A_k of rank r takes r channels.
     Raises AnalysisError where counts or shapes differ.
     """
-    if len(matrices) != len(delays) or not matrices:
+    if len(matrices) != len(delays) or len(matrices) == 0:
         raise AnalysisError("each matrix needs its delay", found=f"{len(matrices)} and {len(delays)}")
     parts = [np.atleast_2d(np.asarray(matrix, dtype=float)) for matrix in matrices]
     n = parts[0].shape[0]

@@ -51,14 +51,15 @@ class LiftedSystem:
         The imaginary part is known up to multiples of 2π/period; the principal one is given.
         """
         kept = self.multipliers[np.abs(self.multipliers) >= smallest]
-        return np.log(kept) / self.period
+        return np.asarray(np.log(kept) / self.period, dtype=complex)
 
     def pulse(self, frequency: NDArray[np.float64]) -> NDArray[np.complex128]:
         """C (zI - Φ)⁻¹ Γ + D at z = e^{jω·period}: (nω, ny, ne) for ω (nω,) in rad/s."""
         z = np.exp(1j * self.period * np.asarray(frequency, dtype=float))
         identity = np.eye(len(self.monodromy))
         shifted = z[:, None, None] * identity - self.monodromy
-        return self.output_matrix @ np.linalg.solve(shifted, self.input_matrix[None]) + self.feedthrough
+        reached = np.linalg.solve(shifted, self.input_matrix[None])
+        return np.asarray(self.output_matrix @ reached + self.feedthrough, dtype=complex)
 
 
 def why_not_liftable(sampled: SampledSystem, held: Mapping[str, float] | None = None) -> str:

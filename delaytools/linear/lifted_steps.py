@@ -164,7 +164,7 @@ def jump(layout: Layout, time: float) -> tuple[RealMatrix, RealMatrix]:
     direct = D @ fresh[:, sampled]
     _refuse_circle(direct)
     held = np.hstack([layout.H[sampled] @ states, np.zeros((len(sampled), given.shape[1]))]) + D @ wide
-    new = np.linalg.solve(np.eye(len(sampled)) - direct, held)
+    new = np.asarray(np.linalg.solve(np.eye(len(sampled)) - direct, held), dtype=float)
     after = _shifted(layout, ticking, new)
     stepped = layout.F @ states @ np.eye(*after.shape) + layout.G @ (wide + fresh[:, sampled] @ new)
     for i, period in enumerate(layout.state_periods):

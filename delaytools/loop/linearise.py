@@ -51,7 +51,9 @@ class _Symbols:
         return ca.vertcat(self.x, self.v, self.w, self.e)
 
 
-def linearise(loop: Loop, inputs: Sequence[str] | None = None, outputs: Sequence[str] | None = None) -> Linearised:
+def linearise(
+    loop: Loop, inputs: Sequence[str] | None = None, outputs: Sequence[str] | None = None
+) -> Linearised:
     """The linear system from external inputs to signals (default: all of each).
 
     Amplitude-dependent effects are taken at their neutral value; other nonlinearities are differentiated where the
@@ -99,7 +101,9 @@ def without_amplitude_effects(loop: Loop) -> tuple[Loop, tuple[str, ...]]:
 
 def _symbols(net: Network) -> _Symbols:
     loop = net.loop
-    states = tuple((e.name, s) for e in loop.continuous if isinstance(e.block, Continuous) for s in e.block.states)
+    states = tuple(
+        (e.name, s) for e in loop.continuous if isinstance(e.block, Continuous) for s in e.block.states
+    )
     held = tuple((e.name, port) for e in loop.sampled for port in e.block.outputs)
     transports = tuple(e.name for e in loop.transports)
     sizes = (len(states), len(held), len(transports), len(loop.externals))
@@ -118,7 +122,9 @@ def _leaves(symbols: _Symbols) -> Leaves:
     )
 
 
-def _rows(net: Network, symbols: _Symbols, leaves: Leaves, known: Mapping[str, Any], outputs: Sequence[str]) -> ca.SX:
+def _rows(
+    net: Network, symbols: _Symbols, leaves: Leaves, known: Mapping[str, Any], outputs: Sequence[str]
+) -> ca.SX:
     rates = net.rates(leaves, known)
     rows = [rates[key] for key in symbols.states]
     for name in symbols.transports:
@@ -144,9 +150,15 @@ def _operating_point(net: Network, symbols: _Symbols, rows: ca.SX) -> NDArray[np
     begin = np.zeros(n + nv + nw)
     begin[:n] = [float(s) for e in net.loop.continuous for s in e.block.initial_state]
     found = least_squares(
-        lambda u: np.asarray(residual(u)[0]).ravel(), begin, jac=lambda u: np.asarray(residual(u)[1]), xtol=1e-15, ftol=1e-15
+        lambda u: np.asarray(residual(u)[0]).ravel(),
+        begin,
+        jac=lambda u: np.asarray(residual(u)[1]),
+        xtol=1e-15,
+        ftol=1e-15,
     )
-    if not np.all(np.isfinite(found.x)) or np.max(np.abs(found.fun), initial=0.0) > 1e-8 * (1 + np.max(np.abs(found.x))):
+    if not np.all(np.isfinite(found.x)) or np.max(np.abs(found.fun), initial=0.0) > 1e-8 * (
+        1 + np.max(np.abs(found.x))
+    ):
         raise AnalysisError(
             "no operating point: the loop does not rest with all inputs at zero",
             found=f"largest remaining rate {np.max(np.abs(found.fun)):.3g}",
@@ -169,7 +181,9 @@ def _sampled_rest(net: Network, symbols: _Symbols, q: ca.SX) -> ca.SX:
     return symbols.v - ca.vertcat(*rests) if rests else ca.SX(0, 1)
 
 
-def _matrix(symbols: _Symbols, rows: ca.SX, point: NDArray[np.float64], inputs: Sequence[str]) -> NDArray[np.float64]:
+def _matrix(
+    symbols: _Symbols, rows: ca.SX, point: NDArray[np.float64], inputs: Sequence[str]
+) -> NDArray[np.float64]:
     everything = symbols.all
     jacobian = ca.Function("jacobian", [everything], [ca.densify(ca.jacobian(rows, everything))])
     values = np.asarray(jacobian(point)).reshape(rows.shape[0], everything.shape[0])
@@ -196,7 +210,10 @@ def _sampler(element: Element) -> Sampler:
     x, u = ca.SX.sym("x", len(block.states)), ca.SX.sym("u", len(block.inputs))
     held = ca.SX.zeros(len(block.outputs), 1)
     new, out = block.update(ca.vertsplit(x) if block.states else [], ca.vertsplit(u), ca.vertsplit(held))
-    both = [ca.vertcat(*[ca.SX(n) for n in new]) if new else ca.SX(0, 1), ca.vertcat(*[ca.SX(n) for n in out])]
+    both = [
+        ca.vertcat(*[ca.SX(n) for n in new]) if new else ca.SX(0, 1),
+        ca.vertcat(*[ca.SX(n) for n in out]),
+    ]
     parts = [ca.densify(ca.jacobian(formula, variable)) for formula in both for variable in (x, u)]
     values = ca.Function("linear", [x, u], parts)(np.zeros(x.shape[0]), np.zeros(u.shape[0]))
     sizes = [(f.shape[0], s.shape[0]) for f in both for s in (x, u)]

@@ -47,10 +47,23 @@ def compile_loop(
     numeric = physics(loop) if free else model
     jumps = {name: np.asarray(stimuli[name].jumps) for name in model.layout.externals if name in stimuli}
     delays = {name: column for name in model.layout.transports if (column := _column(model, name, stimuli))}
-    timing = timing_of(numeric, jumps, substeps=substeps, delays=delays)
+    wakes = _wakes(numeric, stimuli, loop.frame)
+    timing = timing_of(numeric, jumps, substeps=substeps, delays=delays, wakes=wakes)
     frames = round(duration / loop.frame)
     call = repeating_call(model, timing) or data_call(model, timing, (frames + 1) * loop.frame)
     return Compiled(model, call, frames, loop.frame, stimuli)
+
+
+def _wakes(model: Physics, stimuli: Mapping[str, Stimulus], frame: float) -> bool:
+    """Whether a state or an external input moves from t = 0 on."""
+    around = np.array([-1e-6, 1e-3]) * frame
+    values = [stimuli.get(name, Zero()).value(around) for name in model.layout.externals]
+    if any(pair[0] != pair[1] for pair in values):
+        return True
+    states = [float(s) for e in model.net.loop.continuous for s in e.block.initial_state]
+    zeros = [np.zeros(model.rates.size_in(i)[0]) for i in range(8)]
+    zeros[0], zeros[4] = np.array(states), np.array([pair[0] for pair in values])
+    return bool(np.any(np.asarray(model.rates(*zeros)) != 0))
 
 
 def _column(model: Physics, name: str, stimuli: Mapping[str, Stimulus]) -> tuple[Array, Array] | None:

@@ -169,8 +169,8 @@ def look_back(grid: Grid, delay: Callable[[Array], Array]) -> Lookup:
         index = np.minimum(np.searchsorted(edges, looked + nudge, side="right") - 1, np.arange(n))
         inside = np.maximum(index, 0)
         theta[:, stage] = np.where(index < 0, 0.5, (looked - grid.start[inside]) / grid.length[inside])
-        early = np.arange(n) + np.ceil(-looked / usual).astype(np.int64)
-        back[:, stage] = np.where(index < 0, np.maximum(early, 1), np.arange(n) - index)
+        early = np.arange(n) + np.maximum(1, np.ceil(-looked / usual)).astype(np.int64)
+        back[:, stage] = np.where(index < 0, early, np.arange(n) - index)
         if stage == 0:  # a delay of exactly 0 sees the end of the span before
             theta[:, 0] = np.where(back[:, 0] == 0, 1.0, theta[:, 0])
             back[:, 0] = np.maximum(back[:, 0], 1)

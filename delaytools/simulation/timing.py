@@ -16,6 +16,7 @@ __all__ = ["timing_of"]
 
 Array = NDArray[np.float64]
 STIFFNESS = 0.5  # largest |λ| h of one Runge–Kutta step
+START = "start of the run"
 SHARPEST = 3  # a jump in this derivative of a delayed signal no longer lowers the order of a Runge–Kutta step
 
 
@@ -25,10 +26,12 @@ def timing_of(
     *,
     substeps: int | None = None,
     delays: Mapping[str, tuple[Array, Array]] | None = None,
+    wakes: bool = False,
 ) -> Timing:
     """The timing of a loop whose values are all numbers.
 
     jumps: external signal -> times at which it jumps. delays: transport -> (times, seconds) from a column.
+    wakes: whether anything moves from t = 0 on, so that delayed signals have a kink there.
     """
     net = model.net
     periods = {e.name: float(e.block.period) for e in net.loop.sampled if isinstance(e.block, Sampled)}
@@ -39,6 +42,8 @@ def timing_of(
         constants.append(number)
     moments = {name: np.asarray(times) for name, times in jumps.items() if len(times)}
     moments |= {e.name: np.asarray(e.block.jumps) for e in net.loop.continuous if hasattr(e.block, "jumps")}
+    if wakes:
+        moments[START] = np.zeros(1)
     arrivals = sharp_arrivals(model, tuple(moments))
     count = substeps or _substeps(model)
     return Timing(net.loop.frame, periods, tuple(functions), tuple(constants), arrivals, moments, count)
@@ -86,6 +91,10 @@ def sharp_arrivals(model: Physics, jumping: tuple[str, ...]) -> tuple[Arrival, .
     found: dict[tuple[str, tuple[int, ...]], int] = {}
     for source, leaf in sources:
         _follow_delays(order, first, (source, (), leaf, 0), found)
+    if START in jumping:
+        for delay in range(order.shape[0]):
+            found[START, (delay,)] = 1
+            _follow_delays(order, first, (START, (delay,), first[delay, "delay"], 1), found)
     return tuple(Arrival(source, through) for source, through in found)
 
 

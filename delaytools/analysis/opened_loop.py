@@ -1,0 +1,181 @@
+"""A loop opened at a signal, with an extra delay at a port: the linear systems that every question starts from."""
+
+from dataclasses import dataclass, replace
+from typing import final
+
+import numpy as np
+
+from delaytools.analysis.sampled_margins import SampledLoop
+from delaytools.blocks.block import Sampled
+from delaytools.blocks.delay import Delay
+from delaytools.blocks.gain import Gain
+from delaytools.linear.delay_system import DelaySystem
+from delaytools.linear.hold_approximation import continuous_approximation
+from delaytools.linear.lifted import lift, why_not_liftable
+from delaytools.linear.sampled_system import SampledSystem
+from delaytools.loop.edit import cut, insert, reader
+from delaytools.loop.linearise import linearise
+from delaytools.loop.loop import Element, Loop
+from delaytools.loop.port import find_port
+from delaytools.loop.values import resolve
+from delaytools.signals.expression import signal_expression
+from delaytools.signals.trouble import DesignError
+
+__all__ = ["OpenedLoop", "open_loop", "with_extra_delay"]
+
+EXTRA = "extra delay"
+CLOSING = "closing delay"
+PLACEHOLDER = 1.0  # s; replaced by the delay asked for
+
+
+@final
+@dataclass(frozen=True)
+class OpenedLoop:
+    """The loop opened at a signal.
+
+    opened: reader -> signal, with the extra delay as its transport `extra` (None: there is none). closed: the loop
+    closed again through a transport `closing`. period: of the sequence that the signal is (None: not sampled).
+    why: why there is no exact sampled answer ("" where there is). without: effects taken at their neutral value.
+    """
+
+    opened: SampledSystem
+    closed: SampledSystem
+    reader: str
+    extra: int | None
+    extra_closed: int | None
+    closing: int
+    period: float | None
+    why: str
+    without: tuple[str, ...]
+
+    @property
+    def exact_sampling(self) -> bool:
+        """Whether margins are of the exact pulse transfer."""
+        return self.period is not None and not self.why
+
+    def at(self, extra: float) -> SampledSystem:
+        """The opened system with the extra delay (s) in place."""
+        return _with_delay(self.opened, self.extra, extra)
+
+    def closed_at(self, extra: float, closing: float = 0.0) -> SampledSystem:
+        """The closed system with the extra delay (s) and `closing` s at the opened signal's writer."""
+        return _with_delay(_with_delay(self.closed, self.extra_closed, extra), self.closing, closing)
+
+    def transfer(self, extra: float) -> DelaySystem:
+        """L = -R with the extra delay (s); with sampled blocks, their continuous approximation."""
+        return -continuous_approximation(self.at(extra))
+
+    def around_extra(self) -> DelaySystem:
+        """L = -z/w at the extra delay's own place, all other loops closed: there the delay is in series."""
+        assert self.extra_closed is not None
+        return -continuous_approximation(_opened_at_transport(self.closed_at(0.0), self.extra_closed))
+
+    def sampled(self, extra: float) -> SampledLoop:
+        """The exact sampled loop with the extra delay (s)."""
+        assert self.period is not None
+        return SampledLoop(self.at(extra), self.reader, self.period, lambda tau: self.closed_at(extra, tau))
+
+
+def _with_delay(system: SampledSystem, index: int | None, seconds: float) -> SampledSystem:
+    if index is None:
+        return system
+    delays = list(system.delays)
+    delays[index] = seconds
+    return replace(system, delays=tuple(delays))
+
+
+def _opened_at_transport(system: SampledSystem, index: int) -> SampledSystem:
+    """The system with one transport's entry as its only output and its exit as its only input."""
+    w, z = system.columns("w"), system.rows("z")
+    matrix = np.vstack(
+        [np.delete(system.M[: system.rows("y").start], z.start + index, axis=0), system.M[z.start + index]]
+    )
+    matrix = matrix[:, : system.columns("e").start]
+    matrix = np.hstack([np.delete(matrix, w.start + index, axis=1), matrix[:, [w.start + index]]])
+    delays = tuple(tau for i, tau in enumerate(system.delays) if i != index)
+    return SampledSystem(
+        matrix, system.n_states, delays, system.samplers, ("exit",), ("entry",), system.state_names
+    )
+
+
+def with_extra_delay(loop: Loop, port: str) -> Loop:
+    """The loop with a delay, of a size given later, at the port (`BLOCK.input`, `BLOCK.output`)."""
+    place = find_port(loop, port)
+    if place.kind not in ("input", "output"):
+        raise DesignError(
+            "a delay acts on a signal", where=port, found=f"a {place.kind} port", advice="use an input"
+        )
+    return insert(
+        loop, place, Delay(delay=PLACEHOLDER), element=Element(EXTRA, Delay(delay=PLACEHOLDER), {}, {})
+    )
+
+
+def open_loop(loop: Loop, at: str, delay_at: str | None = None) -> OpenedLoop:
+    """The loop opened at the writer of the signal `at`, with room for an extra delay at the port `delay_at`.
+
+    Without `delay_at` the extra delay stands at the opened signal's writer.
+
+    Raises DesignError for a signal that no block writes, or an unknown port.
+    """
+    delayed = resolve(with_extra_delay(loop, delay_at or _writer_port(loop, at)))
+    broken = cut(delayed, at)
+    name = reader(at)
+    joint = Element(CLOSING, Delay(delay=PLACEHOLDER), {"input": signal_expression(at)}, {"output": name})
+    rejoined = broken.but(elements=(*broken.elements, joint))
+    opened, closed = linearise(broken, [name], [at]), linearise(rejoined, [], [at])
+    period = _period(delayed, at)
+    return OpenedLoop(
+        opened.system,
+        closed.system,
+        name,
+        _index(broken, EXTRA),
+        _index(rejoined, EXTRA),
+        _index(rejoined, CLOSING) or 0,
+        period,
+        _why_not_exact(opened.system, name, period),
+        opened.without,
+    )
+
+
+def _writer_port(loop: Loop, signal: str) -> str:
+    """The output port behind which a signal is written, after the effects that act there."""
+    if signal not in loop.writers:
+        known = [name for name in loop.signals if name in loop.writers]
+        raise DesignError(
+            "the loop can be opened where a block writes a signal", found=repr(signal), known=known
+        )
+    element, port = loop.writers[signal]
+    return element.partition("@")[2].partition("#")[0] if "@" in element else f"{element}.{port}"
+
+
+def _why_not_exact(system: SampledSystem, name: str, period: float | None) -> str:
+    if not system.samplers:
+        return ""
+    if period is None:
+        return "the signal is not written by a sampled block"
+    why = why_not_liftable(system, {name: period})
+    if why:
+        return why
+    lifted = lift(system, {name: period})
+    if lifted is None or lifted.input_matrix.shape[1] == 0 or abs(lifted.period - period) > 1e-9 * period:
+        return "several rates: the loop repeats after more than one sample of the signal"
+    return ""
+
+
+def _index(loop: Loop, name: str) -> int | None:
+    names = [element.name for element in loop.transports]
+    return names.index(name) if name in names else None
+
+
+def _period(loop: Loop, signal: str) -> float | None:
+    """The period of the sampled block that writes the signal, through wires and gains; None where none does."""
+    writers = loop.writers
+    while signal in writers:
+        element = loop[writers[signal][0]]
+        if isinstance(element.block, Sampled):
+            return float(element.block.period)
+        names = [n for x in element.inputs.values() for n in x.names if n not in loop.parameters]
+        if not isinstance(element.block, Gain) or len(names) != 1:
+            return None
+        signal = names[0]
+    return None

@@ -1,0 +1,201 @@
+"""Questions to a loop: margins against delay, characteristic roots, transfer between two signals."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from delaytools.analysis.characteristic_roots import rightmost_roots
+from delaytools.analysis.delay_sweep import sweep_margins
+from delaytools.analysis.margins import Labels, Margins, Sampling, margins
+from delaytools.analysis.opened_loop import OpenedLoop, open_loop
+from delaytools.analysis.sampled_margins import sampled_margins, sweep_sampled_margins
+from delaytools.linear.algebra import feedback
+from delaytools.linear.delay_system import DelaySystem
+from delaytools.linear.hold_approximation import continuous_approximation
+from delaytools.linear.lifted import lift, why_not_liftable
+from delaytools.linear.sampled_system import SampledSystem
+from delaytools.loop.linearise import linearise
+from delaytools.loop.loop import Loop
+from delaytools.signals.trouble import AnalysisError
+
+APPROXIMATE: Sampling = "continuous approximation"
+
+
+@final
+@dataclass(frozen=True)
+class MarginSweep:
+    """Margins for every extra delay (s), and the intervals of delay inside the sweep in which the loop is stable."""
+
+    margins: tuple[Margins, ...]
+    stable_delays: tuple[tuple[float, float], ...]
+    at: str
+    delay_at: str | None
+    why_approximate: str
+
+
+def loop_margins(
+    loop: Loop, at: str, delays: Sequence[float] | None = None, *, delay_at: str | None = None
+) -> MarginSweep:
+    """Exact margins of the loop opened at the signal `at`, for every extra delay (s) at the port `delay_at`.
+
+    L = -R, R the return ratio from the opened signal to its writer, all other loops closed. A sampled signal of a
+    single-rate loop gives the exact pulse transfer up to π/T; elsewhere in a sampled loop (1 - e^{-sT})/(sT)
+    stands for a hold, and the answer says so. Default delays: only 0. `delay_at` None: the delay stands at the
+    opened signal itself.
+    """
+    wanted = [0.0] if delays is None else [float(tau) for tau in delays]
+    _check_delays(wanted)
+    opened = open_loop(loop, at, delay_at)
+    if opened.opened.samplers and opened.exact_sampling:
+        found, stable = _sampled_sweep(opened, wanted)
+    else:
+        found, stable = _continuous_sweep(opened, wanted)
+    why = opened.why if opened.opened.samplers else ""
+    return MarginSweep(found, stable, at, delay_at, why)
+
+
+def _check_delays(delays: Sequence[float]) -> None:
+    for tau in delays:
+        if not (np.isfinite(tau) and tau >= 0):
+            raise AnalysisError("an extra delay is finite and not negative", found=f"{tau} s")
+
+
+def _sampled_sweep(
+    opened: OpenedLoop, delays: list[float]
+) -> tuple[tuple[Margins, ...], tuple[tuple[float, float], ...]]:
+    labels = Labels("exact", opened.without)
+    if delays == [0.0]:
+        one = sampled_margins(opened.sampled(0.0), labels=labels)
+        return (one,), (((0.0, 0.0),) if one.stable else ())
+    return sweep_sampled_margins(opened.sampled, delays, labels)
+
+
+def _continuous_sweep(
+    opened: OpenedLoop, delays: list[float]
+) -> tuple[tuple[Margins, ...], tuple[tuple[float, float], ...]]:
+    labels = Labels(APPROXIMATE if opened.opened.samplers else "exact", opened.without)
+    base = opened.transfer(0.0)
+    if _in_series(opened, base):
+        sweep = sweep_margins(base, delays, labels)
+        return sweep.margins, sweep.stable_delays
+    found = tuple(replace(margins(opened.transfer(tau), labels), delay=tau) for tau in delays)
+    return found, sweep_margins(opened.around_extra(), delays).stable_delays
+
+
+def _in_series(opened: OpenedLoop, base: DelaySystem) -> bool:
+    """Whether L(s; τ) = L(s) e^{-sτ}: then gain crossovers do not move with τ."""
+    tau = 0.01
+    s = np.array([0.3 + 2j, 1.0 + 30j, 0.1 + 170j])
+    return bool(
+        np.allclose(opened.transfer(tau).siso(s), base.siso(s) * np.exp(-s * tau), rtol=1e-9, atol=1e-12)
+    )
+
+
+@final
+@dataclass(frozen=True)
+class RootSet:
+    """The rightmost characteristic roots at one value of a parameter.
+
+    parameter: extra delay in s, or the factor on the opened signal. roots: (k,) complex rad/s, rightmost first.
+    certified: whether the number of roots right of `right_of` was confirmed by a count; why: in words where not.
+    """
+
+    parameter: float
+    roots: NDArray[np.complex128]
+    certified: bool
+    right_of: float
+    why: str
+
+
+@final
+@dataclass(frozen=True)
+class LoopRoots:
+    """Roots for every value of a parameter ("delay" or "gain")."""
+
+    parameter: str
+    sets: tuple[RootSet, ...]
+    sampling: Sampling
+    linearised_without: tuple[str, ...]
+
+
+def loop_roots(
+    loop: Loop,
+    at: str,
+    *,
+    delays: Sequence[float] | None = None,
+    gains: Sequence[float] | None = None,
+    delay_at: str | None = None,
+    count: int = 10,
+) -> LoopRoots:
+    """The rightmost characteristic roots of the closed loop, for extra delays (s) or for factors on the signal `at`.
+
+    Without sampled blocks: of the exact delay system, each set certified by a count. Sampled loops: s = ln(z)/T of
+    the exact monodromy over the hyper-period, in the primary strip; where a delay lies inside a continuous loop,
+    the continuous approximation. Raises AnalysisError where both delays and gains are given.
+    """
+    if delays is not None and gains is not None:
+        raise AnalysisError("one parameter at a time", found="delays and gains", advice="give one of them")
+    opened = open_loop(loop, at, delay_at)
+    name, values = ("gain", list(gains)) if gains is not None else ("delay", list(delays or [0.0]))
+    _check_delays(values if name == "delay" else [0.0])
+    exact = not opened.opened.samplers or not why_not_liftable(opened.closed_at(0.0))
+    if opened.opened.samplers and exact:
+        sets = tuple(_sampled_roots(opened, name, value, count) for value in values)
+    else:
+        sets = tuple(_continuous_roots(opened, name, value, count) for value in values)
+    return LoopRoots(name, sets, "exact" if exact else APPROXIMATE, opened.without)
+
+
+def _continuous_roots(opened: OpenedLoop, name: str, value: float, count: int) -> RootSet:
+    if name == "gain":
+        closed = feedback(opened.transfer(0.0) * value)
+    else:
+        closed = continuous_approximation(opened.closed_at(value))
+    found = rightmost_roots(closed, count=count)
+    return RootSet(value, found.roots[:count], found.certified, found.right_of, found.why)
+
+
+def _sampled_roots(opened: OpenedLoop, name: str, value: float, count: int) -> RootSet:
+    system = opened.closed_at(0.0) if name == "gain" else opened.closed_at(value)
+    if name == "gain":
+        system = _scaled_transport(system, opened.closing, value)
+    lifted = lift(system)
+    assert lifted is not None
+    roots = lifted.roots()
+    order = np.lexsort((-np.abs(roots.imag), -roots.real))
+    roots = roots[order]
+    inside = int(np.sum(np.abs(lifted.multipliers) < 1.0))
+    certified = _winding(lifted.monodromy) == inside
+    line = float(roots[-1].real) if len(roots) else -np.inf
+    why = "" if certified else "the eigenvalues and the count on the unit circle differ"
+    return RootSet(value, roots[:count], certified, line, why)
+
+
+def _winding(matrix: NDArray[np.float64]) -> int | None:
+    """How often det(zI - Φ) turns about 0 as z goes round the unit circle: the eigenvalues inside it (None: unclear)."""
+    n = len(matrix)
+    for points in (64, 256, 1024, 4096, 16384):
+        z = np.exp(2j * np.pi * (np.arange(points) + 0.5) / points)
+        sign = np.linalg.slogdet(z[:, None, None] * np.eye(n) - matrix)[0]
+        steps = np.angle(np.roll(sign, -1) / sign)
+        if np.max(np.abs(steps)) < 1.0:
+            return round(float(np.sum(steps)) / (2 * np.pi))
+    return None
+
+
+def _scaled_transport(system: SampledSystem, index: int, factor: float) -> SampledSystem:
+    """The system with what enters one transport multiplied by a factor."""
+    matrix = system.M.copy()
+    matrix[system.rows("z").start + index] *= factor
+    return replace(system, M=matrix)
+
+
+def transfer(loop: Loop, input: str, output: str) -> DelaySystem:
+    """The closed loop's transfer from an external input to a signal; holds as their continuous approximation."""
+    return continuous_approximation(linearise(loop, [input], [output]).system)
+
+
+__all__ = ["LoopRoots", "MarginSweep", "RootSet", "loop_margins", "loop_roots", "transfer"]

@@ -1,0 +1,80 @@
+"""What the commands share: options as numbers, the design, its configuration, logs."""
+
+from typing import Any
+
+from delaytools.signals.trouble import DelaytoolsError
+from delaytools.signals.units import convert, quantity
+
+__all__ = ["delay_range", "gain_range", "load", "log_columns", "seconds"]
+
+
+def seconds(text: str, option: str) -> float:
+    """A time such as "15ms", "15 ms" or "0.015" in s."""
+    parts = quantity(text)
+    if parts is None:
+        raise DelaytoolsError("not a time", where=option, found=repr(text), advice="write 15ms or 0.015")
+    number, unit = parts
+    try:
+        return convert(number, unit or "s", "s")
+    except DelaytoolsError as error:
+        raise error.at(option) from error
+
+
+def delay_range(text: str | None) -> list[float] | None:
+    """Delays in s of "15ms" or of FROM:TO:COUNT such as "0:50ms:200"."""
+    if text is None:
+        return None
+    return _range(text, "--delay", lambda part: seconds(part, "--delay"))
+
+
+def gain_range(text: str | None) -> list[float] | None:
+    """Factors of "2.5" or of FROM:TO:COUNT."""
+    if text is None:
+        return None
+    return _range(text, "--gain", lambda part: _number(part, "--gain"))
+
+
+def _number(text: str, option: str) -> float:
+    try:
+        return float(text)
+    except ValueError as error:
+        raise DelaytoolsError(
+            "not a number", where=option, found=repr(text), advice="write 0.5:2:100"
+        ) from error
+
+
+def _range(text: str, option: str, read: Any) -> list[float]:
+    parts = text.split(":")
+    if len(parts) == 1:
+        return [read(parts[0])]
+    if len(parts) != 3 or not parts[2].isdigit() or int(parts[2]) < 1:
+        raise DelaytoolsError(
+            "a range is FROM:TO:COUNT", where=option, found=repr(text), advice="write 0:50ms:200"
+        )
+    low, high, count = read(parts[0]), read(parts[1]), int(parts[2])
+    if high < low:
+        raise DelaytoolsError("a range runs upwards", where=option, found=repr(text))
+    step = (high - low) / max(1, count - 1)
+    return [low + step * k for k in range(count)]
+
+
+def load(path: str, configuration: str | None = None) -> tuple[Any, Any, tuple[str, ...]]:
+    """(design, loop, warnings) of a design file."""
+    from delaytools.design.build import build, check_paths, warnings
+    from delaytools.design.file import read_design
+
+    design = read_design(path)
+    loop = build(design, configuration)
+    check_paths(design, loop)
+    return design, loop, warnings(design, loop)
+
+
+def log_columns(design: Any, loop: Any) -> Any:
+    """How the design maps a log's columns to its signals."""
+    from delaytools.loop.network import network
+    from delaytools.loop.values import resolve
+    from delaytools.measurement.log_file import Columns
+
+    table = design.tables.log
+    held = network(resolve(loop)).held_signals
+    return Columns(table.time or "time", dict(table.columns), dict(loop.units), held)

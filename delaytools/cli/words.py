@@ -1,0 +1,104 @@
+"""Answers as lines of text for a terminal."""
+
+import math
+from typing import Any
+
+__all__ = ["margin_lines", "root_lines", "run_lines"]
+
+
+def _number(value: float | None, scale: float = 1.0, form: str = "{:.4g}") -> str:
+    return "-" if value is None or not math.isfinite(value) else form.format(value * scale)
+
+
+def _table(heads: list[str], rows: list[list[str]]) -> list[str]:
+    widths = [max(len(row[k]) for row in [heads, *rows]) for k in range(len(heads))]
+    return [
+        "  ".join(cell.rjust(width) for cell, width in zip(row, widths, strict=True))
+        for row in [heads, *rows]
+    ]
+
+
+def margin_lines(answer: Any) -> list[str]:
+    """The margins as a table, then the stable intervals."""
+    heads = [
+        "delay ms",
+        "stable",
+        "gain margin",
+        "at Hz",
+        "phase margin deg",
+        "at Hz",
+        "delay margin ms",
+        "modulus",
+        "disk",
+    ]
+    rows = []
+    for m in answer.margins:
+        hertz = 1 / (2 * math.pi)
+        rows.append(
+            [
+                _number(m.delay, 1e3),
+                "yes" if m.stable else "NO",
+                _number(m.gain_margin),
+                _number(m.gain_margin_frequency, hertz),
+                _number(m.phase_margin, 180 / math.pi),
+                _number(m.phase_margin_frequency, hertz),
+                _number(m.delay_margin, 1e3),
+                _number(m.modulus_margin),
+                _number(m.disk_margin),
+            ]
+        )
+    first = answer.margins[0]
+    lines = [
+        f"opened at {answer.at}, extra delay at {answer.delay_at or answer.at}; sampling: {first.sampling}"
+    ]
+    if answer.why_approximate:
+        lines.append(f"  ({answer.why_approximate})")
+    if first.linearised_without:
+        lines.append("linearised without " + ", ".join(first.linearised_without))
+    spans = [f"{low * 1e3:.6g} to {high * 1e3:.6g} ms" for low, high in answer.stable_delays]
+    return [
+        *lines,
+        *_table(heads, rows),
+        "stable for delays " + (", ".join(spans) if spans else "nowhere in the sweep"),
+    ]
+
+
+def root_lines(answer: Any) -> list[str]:
+    """The rightmost roots of every set."""
+    unit, scale = ("ms", 1e3) if answer.parameter == "delay" else ("", 1.0)
+    lines = [f"rightmost characteristic roots in rad/s; sampling: {answer.sampling}"]
+    for item in answer.sets:
+        mark = "certified" if item.certified else f"NOT certified: {item.why}"
+        lines.append(f"{answer.parameter} {item.parameter * scale:.6g} {unit} ({mark})".replace("  ", " "))
+        for root in item.roots.tolist():
+            if root.imag >= 0:
+                damping = -root.real / abs(root) if root else 1.0
+                hertz = abs(root) / (2 * math.pi)
+                lines.append(
+                    f"  {root.real:+12.5f} {root.imag:+12.5f}j   {hertz:8.3f} Hz  damping {damping:+.4f}"
+                )
+    return lines
+
+
+def run_lines(answer: Any) -> list[str]:
+    """Figures per signal."""
+    units = answer.record.units
+    heads = ["signal", "unit", "rms", "peak", "oscillation", "at Hz"]
+    rows = [
+        [
+            name,
+            units.get(name, ""),
+            _number(f.rms),
+            _number(f.peak),
+            _number(f.oscillation_amplitude),
+            _number(f.oscillation_frequency),
+        ]
+        for name, f in answer.figures.items()
+    ]
+    lines = _table(heads, rows)
+    if answer.diverged is not None:
+        lines.append(f"diverged: values were no longer finite from t = {answer.diverged:g} s on")
+    lines.append(
+        f"{answer.seconds_simulated:g} s simulated, {answer.real_time_factor:.0f} times faster than real time"
+    )
+    return lines
