@@ -19,7 +19,8 @@ def refined_roots(family: Family, left: RealArray, right: RealArray) -> RealArra
     """x_i in [left_i, right_i] with f_i(x_i) = 0, to 4 rounding errors of x_i; arrays (n,).
 
     Each bracket must hold a change of sign; where it does not, the end with the smaller |f| is given.
-    Source: T. R. Chandrupatla, Adv. Eng. Software 28 (1997) 145: inverse quadratic steps, bisection otherwise.
+    Source: T. R. Chandrupatla, Adv. Eng. Software 28 (1997) 145: inverse quadratic steps, bisection otherwise
+    (here the first step is the secant's).
     """
     which = np.arange(len(left))
     ends = np.array([left, right], dtype=float)
@@ -28,7 +29,7 @@ def refined_roots(family: Family, left: RealArray, right: RealArray) -> RealArra
     open_ = np.flatnonzero(values[0] * values[1] < 0)
     a, b, c = ends[0][open_], ends[1][open_], ends[0][open_]
     fa, fb, fc = values[0][open_], values[1][open_], values[0][open_]
-    step = np.full(open_.size, 0.5)
+    step = np.clip(fa / (fa - fb), 0.02, 0.98)
     for _ in range(100):
         if not open_.size:
             break
@@ -67,7 +68,7 @@ def refined_minima(
     """The x_i in [left_i, right_i] of least f_i, and that value; arrays (n,).
 
     f at `middle` must not exceed f at the ends. Parabolic steps, every fourth one a golden section, until a
-    parabola promises less than 1e-15 of f: the value is then exact to rounding, x to about its square root.
+    parabola gains less than 1e-15 of f: the value is then exact to rounding, x to its square root.
     """
     which = np.arange(len(left))
     x = np.array([left, middle, right], dtype=float)
@@ -77,11 +78,13 @@ def refined_minima(
         if not which.size:
             break
         vertex, promised = _parabolic(x, f)
-        go = (promised > 1e-15 * np.abs(f[1])) & (x[2] - x[0] > 1e-9 * np.abs(x[1]))
-        x, f, which, vertex = x[:, go], f[:, go], which[go], vertex[go]
         trial = _golden(x) if turn % 4 == 3 else vertex
         x, f = _narrowed(x, f, trial, family(trial, which))
         best[which], least[which] = x[1], f[1]
+        go = x[2] - x[0] > 1e-9 * np.abs(x[1])
+        if turn % 4 != 3:
+            go &= promised > 1e-15 * np.abs(f[1])  # of the step just taken
+        x, f, which = x[:, go], f[:, go], which[go]
     return best, least
 
 

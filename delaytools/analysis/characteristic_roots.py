@@ -148,7 +148,7 @@ def _roots_right_of(
         found = _searched(system, spans[missing], box, counts.numbers[missing], finer=finer)
         for index, (roots, residuals) in zip(missing, found, strict=True):
             answers[index] = _recorded(roots, residuals, box, int(counts.numbers[index]))
-        missing = np.array([i for i in missing if not answers[i].certified], dtype=int)  # type: ignore[union-attr]
+        missing = np.flatnonzero([wanted is not None and not wanted.certified for wanted in answers])
     return answers
 
 
@@ -211,12 +211,15 @@ def _default_line(system: DelaySystem, spans: RealMatrix, count: int, up_to: flo
     guesses = guesses[(guesses.imag >= 0) & (guesses.imag <= limit)]
     guesses = guesses[np.argsort(-guesses.real)][: count + 10]
     roots, steps = newton(system, guesses, np.repeat(spans, len(guesses), axis=0))
-    roots, steps = (part[steps < 1e-6 * (1e-6 + np.abs(roots))] for part in (roots, steps))
+    converged = steps < 1e-6 * (1e-6 + np.abs(roots))
+    roots, steps = roots[converged], steps[converged]
     kept = distinct(roots, steps, 1e-7 * (1e-6 + np.abs(roots)))
     return gap_left_of(mirrored(roots[kept]), count)
 
 
-def _count(system: DelaySystem, spans: RealMatrix, line: float, up_to: float | None) -> tuple[int | None, Box]:
+def _count(
+    system: DelaySystem, spans: RealMatrix, line: float, up_to: float | None
+) -> tuple[int | None, Box]:
     box = enclosing_box(system, spans, line, up_to=up_to)
     counts = counted_in(system, spans, box)
     return (int(counts.numbers[0]) if counts.reached[0] else None), box
@@ -226,7 +229,11 @@ def _frequency(system: DelaySystem, spans: RealMatrix, box: Box, number: int) ->
     """A modulus (rad/s) up to which `number` roots are expected: one chain, besides the modes without delay."""
     longest = spans.max(initial=0.0)
     chain = np.pi * number / longest if longest else 0.0
-    return float(min(np.hypot(box.top, box.left), chain + np.abs(shifted_loop(system, box.left).poles).max(initial=0.0)))
+    return float(
+        min(
+            np.hypot(box.top, box.left), chain + np.abs(shifted_loop(system, box.left).poles).max(initial=0.0)
+        )
+    )
 
 
 def _limits(box: Box) -> str:

@@ -40,7 +40,10 @@ class PhaseCrossings:
 
 def gain_crossings(curve: Curve) -> GainCrossings:
     """All ω of the curve with |L(jω)| = 1, touches included, to rounding."""
-    omega, level = curve.omega, np.log(np.abs(curve.value))
+    omega, level = (
+        curve.omega,
+        np.log(np.maximum(np.abs(curve.value), 1e-300)),
+    )  # a hold has zeros on the axis
 
     def family(x: RealArray, _: Indices) -> RealArray:
         return np.log(np.abs(curve.response(x)))

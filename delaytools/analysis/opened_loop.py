@@ -9,6 +9,7 @@ from delaytools.analysis.sampled_margins import SampledLoop
 from delaytools.blocks.block import Sampled
 from delaytools.blocks.delay import Delay
 from delaytools.blocks.gain import Gain
+from delaytools.blocks.sample_hold import SampleHold
 from delaytools.linear.delay_system import DelaySystem
 from delaytools.linear.hold_approximation import continuous_approximation
 from delaytools.linear.lifted import lift, why_not_liftable
@@ -33,16 +34,19 @@ PLACEHOLDER = 1.0  # s; replaced by the delay asked for
 class OpenedLoop:
     """The loop opened at a signal.
 
-    opened: reader -> signal, with the extra delay as its transport `extra` (None: there is none). closed: the loop
-    closed again through a transport `closing`. period: of the sequence that the signal is (None: not sampled).
-    why: why there is no exact sampled answer ("" where there is). without: effects taken at their neutral value.
+    opened: reader -> signal, with the extra delay as its transport `extra`. held: the same with the reader passing
+    a hold where the signal is a sequence, for the continuous approximation. closed: the loop closed again through a
+    transport `closing`, with the extra delay as `extra_closed`. period: of the sequence that the signal is (None:
+    not sampled). why: why there is no exact sampled answer ("" where there is). without: effects taken at their
+    neutral value.
     """
 
     opened: SampledSystem
+    held: SampledSystem
     closed: SampledSystem
     reader: str
-    extra: int | None
-    extra_closed: int | None
+    extra: int
+    extra_closed: int
     closing: int
     period: float | None
     why: str
@@ -63,11 +67,10 @@ class OpenedLoop:
 
     def transfer(self, extra: float) -> DelaySystem:
         """L = -R with the extra delay (s); with sampled blocks, their continuous approximation."""
-        return -continuous_approximation(self.at(extra))
+        return -continuous_approximation(_with_delay(self.held, self.extra, extra))
 
     def around_extra(self) -> DelaySystem:
         """L = -z/w at the extra delay's own place, all other loops closed: there the delay is in series."""
-        assert self.extra_closed is not None
         return -continuous_approximation(_opened_at_transport(self.closed_at(0.0), self.extra_closed))
 
     def sampled(self, extra: float) -> SampledLoop:
@@ -76,9 +79,7 @@ class OpenedLoop:
         return SampledLoop(self.at(extra), self.reader, self.period, lambda tau: self.closed_at(extra, tau))
 
 
-def _with_delay(system: SampledSystem, index: int | None, seconds: float) -> SampledSystem:
-    if index is None:
-        return system
+def _with_delay(system: SampledSystem, index: int, seconds: float) -> SampledSystem:
     delays = list(system.delays)
     delays[index] = seconds
     return replace(system, delays=tuple(delays))
@@ -113,28 +114,45 @@ def with_extra_delay(loop: Loop, port: str) -> Loop:
 def open_loop(loop: Loop, at: str, delay_at: str | None = None) -> OpenedLoop:
     """The loop opened at the writer of the signal `at`, with room for an extra delay at the port `delay_at`.
 
-    Without `delay_at` the extra delay stands at the opened signal's writer.
-
-    Raises DesignError for a signal that no block writes, or an unknown port.
+    Without `delay_at`, or with the writer's own port there, the extra delay stands at the opened signal, in front
+    of all that read it. Raises DesignError for a signal that no block writes, or an unknown port.
     """
-    delayed = resolve(with_extra_delay(loop, delay_at or _writer_port(loop, at)))
-    broken = cut(delayed, at)
+    loop = resolve(loop)
     name = reader(at)
-    joint = Element(CLOSING, Delay(delay=PLACEHOLDER), {"input": signal_expression(at)}, {"output": name})
-    rejoined = broken.but(elements=(*broken.elements, joint))
+    own_port = _writer_port(loop, at)
+    if delay_at is None or delay_at == own_port:
+        broken = cut(loop, at, reads=f"{name} late")
+        broken = _joined(broken, EXTRA, name, f"{name} late")
+    else:
+        broken = cut(with_extra_delay(loop, delay_at), at)
+    rejoined = _joined(broken, CLOSING, at, name)
+    period = _period(loop, at)
     opened, closed = linearise(broken, [name], [at]), linearise(rejoined, [], [at])
-    period = _period(delayed, at)
+    held = opened if period is None else linearise(_sampled_reader(broken, name, period), [f"{name} new"], [at])
     return OpenedLoop(
         opened.system,
+        held.system,
         closed.system,
         name,
         _index(broken, EXTRA),
         _index(rejoined, EXTRA),
-        _index(rejoined, CLOSING) or 0,
+        _index(rejoined, CLOSING),
         period,
         _why_not_exact(opened.system, name, period),
         opened.without,
     )
+
+
+def _joined(loop: Loop, name: str, source: str, target: str) -> Loop:
+    """The loop with a delay, of a size given later, from one signal to another."""
+    wiring = {"input": signal_expression(source)}, {"output": target}
+    return loop.but(elements=(*loop.elements, Element(name, Delay(delay=PLACEHOLDER), *wiring)))
+
+
+def _sampled_reader(loop: Loop, name: str, period: float) -> Loop:
+    """The loop whose cut signal is sampled on its way in, so that its hold is charged where it is read."""
+    wiring = {"input": signal_expression(f"{name} new")}, {"output": name}
+    return loop.but(elements=(*loop.elements, Element("cut sampler", SampleHold(period=period), *wiring)))
 
 
 def _writer_port(loop: Loop, signal: str) -> str:
@@ -162,9 +180,8 @@ def _why_not_exact(system: SampledSystem, name: str, period: float | None) -> st
     return ""
 
 
-def _index(loop: Loop, name: str) -> int | None:
-    names = [element.name for element in loop.transports]
-    return names.index(name) if name in names else None
+def _index(loop: Loop, name: str) -> int:
+    return [element.name for element in loop.transports].index(name)
 
 
 def _period(loop: Loop, signal: str) -> float | None:

@@ -87,7 +87,7 @@ def _shifted(system: DelaySystem, gamma: RealMatrix) -> ShiftedLoop | None:
     if loop.size and np.linalg.cond(loop) > 1e8:
         return None
     # z = C2 x + D22 (gamma z + d), w = gamma z + d, with d the new channels' outputs
-    C, D = np.linalg.solve(loop, system.C2), np.linalg.solve(loop, system.D22)
+    C, D = (np.asarray(np.linalg.solve(loop, part), dtype=float) for part in (system.C2, system.D22))
     A = system.A + (system.B2 * gamma) @ C
     B = system.B2 + (system.B2 * gamma) @ D
     return ShiftedLoop(gamma, A, B, C, D, np.linalg.eigvals(A).astype(complex))

@@ -108,7 +108,7 @@ class _LoopValues:
 
     def _resolvent(self, s: ComplexArray) -> ComplexArray:
         unit = np.eye(len(self.T))
-        return np.linalg.inv(s[:, None, None] * unit - self.T)
+        return np.asarray(np.linalg.inv(s[:, None, None] * unit - self.T), dtype=complex)
 
     def _value(self, s: ComplexArray) -> ComplexArray:
         return self.C @ self._resolvent(s) @ self.B + self.D
@@ -194,7 +194,7 @@ def _determinant(matrix: ComplexArray) -> ComplexArray:
 def _inverse(matrix: ComplexArray) -> ComplexArray:
     """Inverses of a stack; nan where one is singular."""
     if matrix.shape[-1] == 1:
-        return 1.0 / matrix
+        return np.asarray(1.0 / matrix, dtype=complex)
     singular = np.abs(np.linalg.det(matrix)) == 0.0
     inverse = np.linalg.inv(np.where(singular[:, None, None], np.eye(matrix.shape[-1]), matrix))
     inverse[singular] = np.nan

@@ -17,6 +17,7 @@ class Backlash(Follower):
 
     half_width: Scalar = value("signal", low=0.0, neutral=0.0)
 
+    amplitude_dependent = True
     inputs = ("input",)
     outputs = ("output",)
     start = None

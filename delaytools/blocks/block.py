@@ -7,7 +7,7 @@ fitting all read these lines.
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, dataclass, field, fields, replace
-from typing import Any, final
+from typing import Any, ClassVar, final
 
 import casadi as ca
 import numpy as np
@@ -130,7 +130,12 @@ def _rebuild(name: str, item: Any, new: Mapping[str, Scalar]) -> Any:
 
 
 class Block(ABC):
-    """Something physical with named input and output ports."""
+    """Something physical with named input and output ports.
+
+    amplitude_dependent: whether linear analysis takes it as a wire (a dead band, a limit, play, a quantiser).
+    """
+
+    amplitude_dependent: ClassVar[bool] = False
 
     @property
     @abstractmethod

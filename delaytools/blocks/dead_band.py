@@ -18,6 +18,7 @@ class DeadBand(Continuous):
 
     half_width: Scalar = value("signal", low=0.0, neutral=0.0)
 
+    amplitude_dependent = True
     inputs = ("input",)
     outputs = ("output",)
     states = ()

@@ -18,6 +18,7 @@ class Quantizer(Continuous):
 
     step: Scalar = value("signal", low=0.0, neutral=0.0)
 
+    amplitude_dependent = True
     inputs = ("input",)
     outputs = ("output",)
     states = ()

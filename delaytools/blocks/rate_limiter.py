@@ -18,6 +18,7 @@ class RateLimiter(Follower):
 
     limit: Scalar = value("signal/s", low=0.0, neutral=math.inf)
 
+    amplitude_dependent = True
     inputs = ("input",)
     outputs = ("output",)
     start = None

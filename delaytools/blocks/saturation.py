@@ -19,6 +19,7 @@ class Saturation(Continuous):
 
     limit: Scalar = value("signal", low=0.0, neutral=math.inf)
 
+    amplitude_dependent = True
     inputs = ("input",)
     outputs = ("output",)
     states = ()

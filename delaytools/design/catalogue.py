@@ -16,10 +16,32 @@ from delaytools.blocks.saturation import Saturation
 from delaytools.blocks.second_order import SecondOrder
 from delaytools.blocks.state_space import StateSpace
 from delaytools.blocks.transfer_function import TransferFunction
+from delaytools.effects.backlash import BacklashEffect
+from delaytools.effects.bias import BiasEffect
+from delaytools.effects.constant_disturbance import ConstantDisturbanceEffect
 from delaytools.effects.coulomb_friction import CoulombFrictionEffect
+from delaytools.effects.cross_coupling import CrossCouplingEffect
+from delaytools.effects.cubic_damping import CubicDampingEffect
+from delaytools.effects.cubic_stiffness import CubicStiffnessEffect
 from delaytools.effects.dead_band import DeadBandEffect
 from delaytools.effects.delay import DelayEffect
+from delaytools.effects.dropped_frames import DroppedFramesEffect
 from delaytools.effects.effect import Effect
+from delaytools.effects.flexible_mode import FlexibleModeEffect
+from delaytools.effects.gain_drift import GainDriftEffect
+from delaytools.effects.lag import LagEffect
+from delaytools.effects.load_dependent_friction import LoadDependentFrictionEffect
+from delaytools.effects.parameter_change import ParameterChange
+from delaytools.effects.periodic_interference import PeriodicInterferenceEffect
+from delaytools.effects.quadratic_drag import QuadraticDragEffect
+from delaytools.effects.quantization import QuantizationEffect
+from delaytools.effects.rate_limit import RateLimitEffect
+from delaytools.effects.sample_hold import SampleHoldEffect
+from delaytools.effects.saturation import SaturationEffect
+from delaytools.effects.scale_factor import ScaleFactorEffect
+from delaytools.effects.stribeck_friction import StribeckFrictionEffect
+from delaytools.effects.transient_gain import TransientGainEffect
+from delaytools.effects.variable_delay import VariableDelayEffect
 
 __all__ = ["BLOCKS", "EFFECTS", "PARAMETER_CHANGE"]
 
@@ -44,5 +66,31 @@ BLOCKS: dict[str, type[Block]] = {
 }
 
 EFFECTS: dict[str, type[Effect]] = {
-    kind.kind: kind for kind in (DelayEffect, DeadBandEffect, CoulombFrictionEffect)
+    kind.kind: kind
+    for kind in (
+        BacklashEffect,
+        BiasEffect,
+        ConstantDisturbanceEffect,
+        CoulombFrictionEffect,
+        CrossCouplingEffect,
+        CubicDampingEffect,
+        CubicStiffnessEffect,
+        DeadBandEffect,
+        DelayEffect,
+        DroppedFramesEffect,
+        FlexibleModeEffect,
+        GainDriftEffect,
+        LagEffect,
+        LoadDependentFrictionEffect,
+        PeriodicInterferenceEffect,
+        QuadraticDragEffect,
+        QuantizationEffect,
+        RateLimitEffect,
+        SampleHoldEffect,
+        SaturationEffect,
+        ScaleFactorEffect,
+        StribeckFrictionEffect,
+        TransientGainEffect,
+        VariableDelayEffect,
+    )
 }

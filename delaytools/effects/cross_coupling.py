@@ -57,6 +57,8 @@ class CrossCouplingEffect(Effect):
 
     def apply(self, loop: Loop, place: Place) -> Loop:
         if place.port.kind == "derivative":
-            return act_at(loop, place, CouplingForce(state=place.port.name, source=self.source, gain=self.gain))
+            return act_at(
+                loop, place, CouplingForce(state=place.port.name, source=self.source, gain=self.gain)
+            )
         sources = {"source": signal_expression(self.source)}
         return insert_at(loop, place, self, CrossCoupling(gain=self.gain), sources=sources)

@@ -27,7 +27,8 @@ class DeadBandEffect(Effect):
         "hardware actuators of Rao 2023).",
         margins="Lowers the loop gain for small signals, so a loop that is stable at full gain stays stable, but an "
         "unstable or integrating plant drifts inside the band and can limit-cycle.",
-        check="Drive the element with a small oscillation about zero, then about a bias: the loss vanishes at the bias.",
+        check="Drive the element with a small oscillation about zero, then about a bias: the loss vanishes at the "
+        "bias.",
     )
 
     def apply(self, loop: Loop, place: Place) -> Loop:

@@ -12,7 +12,7 @@ from delaytools.loop.port import Port
 from delaytools.signals.expression import Expression
 from delaytools.signals.trouble import DesignError
 
-__all__ = ["Effect", "Knowledge", "Place", "act_at", "insert_at"]
+__all__ = ["Effect", "Knowledge", "Place", "act_at", "check_place", "insert_at"]
 
 
 @final

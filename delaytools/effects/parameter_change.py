@@ -41,7 +41,10 @@ class ParameterChange(Effect):
         known = flat_values(element.block)
         if self.name not in known:
             raise DesignError(
-                "the block has no such value", where=str(place.port), found=repr(self.name), known=tuple(known)
+                "the block has no such value",
+                where=str(place.port),
+                found=repr(self.name),
+                known=tuple(known),
             )
         if self.new is None:
             return loop

@@ -10,6 +10,7 @@ from scipy.linalg import svd
 from delaytools.linear.channel import Channel, Delay, Hold
 from delaytools.linear.delay_system import DelaySystem, as_delay_system
 from delaytools.linear.matrices import RealMatrix
+from delaytools.linear.rational import is_number
 from delaytools.signals.trouble import AnalysisError
 
 __all__ = ["append", "delay", "feedback", "from_delay_differential", "hold", "parallel", "series"]
@@ -60,7 +61,7 @@ def feedback(system: Any, other: Any = 1, sign: int = -1) -> DelaySystem:
     ny, nu = forward.shape
     if sign not in (1, -1):
         raise AnalysisError("the sign of a feedback is 1 or -1", found=repr(sign))
-    back = as_delay_system(other if np.ndim(other) or not np.isscalar(other) else np.eye(nu, ny) * other)
+    back = as_delay_system(other if not is_number(other) else np.eye(nu, ny) * float(other))
     if back.shape != (nu, ny):
         raise AnalysisError(
             "the feedback does not fit the system",

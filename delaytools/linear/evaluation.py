@@ -107,7 +107,7 @@ def _channel_derivatives(system: Fractional, s: ComplexArray, spans: Any) -> Com
     values = np.empty_like(x)
     for i, channel in enumerate(system.channels):
         values[..., i] = _piecewise(channel.kappa_derivative, x[..., i], left)
-    return values * spans
+    return np.asarray(values * spans, dtype=complex)
 
 
 def _arguments(system: Fractional, s: Any, spans: Any) -> tuple[ComplexArray, NDArray[np.bool_]]:

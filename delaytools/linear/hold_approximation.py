@@ -134,5 +134,4 @@ def _without_unread(system: DelaySystem) -> DelaySystem:
         read = np.any(np.vstack([system.B2, system.D12, system.D22]), axis=0)
         if read.all():
             return system
-        kept = np.flatnonzero(read)
-        system = system.with_channels(kept)
+        system = system.with_channels([int(index) for index in np.flatnonzero(read)])

@@ -5,8 +5,6 @@ from dataclasses import dataclass
 from typing import final
 
 import numpy as np
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import connected_components
 
 from delaytools.linear.matrices import RealMatrix
 from delaytools.linear.sampled_system import SampledSystem
@@ -104,11 +102,13 @@ def expanded(blocks: Blocks) -> Expansion | str:
 def _delay_in_cycle(blocks: Blocks) -> bool:
     """Whether some reader of w_i stands in one cycle with z_i."""
     (A, _, Bw), (Cz, _, Dzw) = blocks.x, blocks.z
-    graph = np.block([[A, Bw], [Cz, Dzw]]) != 0
-    _, label = connected_components(csr_array(graph), directed=True, connection="strong")
+    reads = np.block([[A, Bw], [Cz, Dzw]]) != 0
+    reaches = reads.astype(np.float32) + np.eye(len(reads), dtype=np.float32)
+    for _ in range(len(reads).bit_length()):
+        reaches = np.minimum(reaches @ reaches, 1)
     n = A.shape[0]
-    readers, transports = np.nonzero(graph[:, n:])
-    return bool(np.any(label[readers] == label[n + transports]))
+    readers, transports = np.nonzero(reads[:, n:])
+    return bool(np.any(reaches[n + transports, readers] > 0))
 
 
 def _transport_terms(blocks: Blocks) -> list[Terms]:

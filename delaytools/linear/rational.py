@@ -68,7 +68,8 @@ def _of_gain(value: Any) -> Realisation:
 
 
 def _of_states(system: Any) -> Realisation:
-    return Realisation(*(np.atleast_2d(np.asarray(part, float)) for part in _shaped(system)))
+    A, B, C, D = (np.asarray(part, dtype=float) for part in _shaped(system))
+    return Realisation(A, B, C, D)
 
 
 def _shaped(system: Any) -> tuple[Any, ...]:

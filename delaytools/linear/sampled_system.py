@@ -129,11 +129,11 @@ class SampledSystem:
 
     def rows(self, name: Row) -> slice:
         """Where the rows of x (that is x'), z, q or y stand in M."""
-        return _place(dict(self.row_sizes), name)
+        return _place({str(row): size for row, size in self.row_sizes.items()}, name)
 
     def columns(self, name: Column) -> slice:
         """Where the columns of x, v, w or e stand in M."""
-        return _place(dict(self.column_sizes), name)
+        return _place({str(column): size for column, size in self.column_sizes.items()}, name)
 
     def block(self, row: Row, column: Column) -> RealMatrix:
         """The part of M that maps `column` (x, v, w, e) to `row` (x for x', z, q, y); read-only view."""

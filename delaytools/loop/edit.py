@@ -111,18 +111,17 @@ def reader(signal: str) -> str:
     return f"{signal}@read"
 
 
-def cut(loop: Loop, signal: str) -> Loop:
-    """The loop opened at the signal's writer: whatever read `signal` now reads the external `reader(signal)`."""
+def cut(loop: Loop, signal: str, *, reads: str | None = None) -> Loop:
+    """The loop opened at the signal's writer: what read `signal` now reads `reads` (default: `reader(signal)`)."""
     if signal not in loop.writers:
         known = [name for name in loop.signals if name in loop.writers]
-        raise DesignError(
-            "the loop can be opened where a block writes a signal", found=repr(signal), known=known
-        )
-    elements = tuple(_reads_instead(element, signal) for element in loop.elements)
-    units = dict(loop.units) | ({reader(signal): loop.units[signal]} if signal in loop.units else {})
+        raise DesignError("the loop can be opened where a block writes a signal", found=repr(signal), known=known)
+    name = reads or reader(signal)
+    elements = tuple(_reads_instead(element, signal, name) for element in loop.elements)
+    units = dict(loop.units) | ({name: loop.units[signal]} if signal in loop.units else {})
     return loop.but(elements=elements, units=units)
 
 
-def _reads_instead(element: Element, signal: str) -> Element:
-    inputs = {port: x.renamed({signal: reader(signal)}) for port, x in element.inputs.items()}
+def _reads_instead(element: Element, signal: str, name: str) -> Element:
+    inputs = {port: x.renamed({signal: name}) for port, x in element.inputs.items()}
     return element.but(inputs=inputs)

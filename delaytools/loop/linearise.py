@@ -88,7 +88,7 @@ def without_amplitude_effects(loop: Loop) -> tuple[Loop, tuple[str, ...]]:
     names: list[str] = []
     elements = []
     for element in loop.elements:
-        if element.amplitude_dependent:
+        if element.amplitude_dependent or element.block.amplitude_dependent:
             names.append(element.name)
             element = wire(element)
         elif isinstance(element.block, Transport) and element.block.varies:

@@ -238,7 +238,9 @@ def test_count_sees_what_a_search_misses():
     """The count does not depend on roots found: it is the same for any line between two roots."""
     system = from_delay_differential([[[0.0]], [[-1.0]]], [0.0, 1.0])
     spans = np.array([system.delays])
-    numbers = [int(counted_in(system, spans, enclosing_box(system, spans, c)).numbers[0]) for c in (-0.4, -2.5, -4)]
+    numbers = [
+        int(counted_in(system, spans, enclosing_box(system, spans, c)).numbers[0]) for c in (-0.4, -2.5, -4)
+    ]
     assert numbers == [2, 4, 18]
 
 
