@@ -202,19 +202,27 @@ def _default_line(system: DelaySystem, spans: RealMatrix, count: int, up_to: flo
     """A line in a gap of the spectrum, left of the rightmost `count` roots as collocation sees them."""
     if count < 1:
         raise AnalysisError("ask for one root or more", found=f"count = {count}")
+    roots = np.zeros(0, dtype=complex)
+    for finer in _REFINEMENTS:
+        roots = _rightmost_seen(system, spans, int(finer * (count + 4)), up_to)
+        if len(roots) > count:
+            break
+    return gap_left_of(roots, count)
+
+
+def _rightmost_seen(system: DelaySystem, spans: RealMatrix, number: int, up_to: float | None) -> ComplexArray:
+    """About `number` of the rightmost roots as collocation and Newton see them, nothing counted."""
     poles = np.abs(shifted_loop(system, 0.0).poles).max(initial=0.0)
-    longest = spans.max(initial=0.0)
-    frequency = poles + (np.pi * (count + 4) / longest if longest else 0.0)
-    sizes = collocation_sizes(spans, frequency, system.n_states)
+    sizes = collocation_sizes(spans, poles + np.pi * number / spans.max(), system.n_states)
     guesses = collocation_spectrum(system, spans, sizes)[0]
-    limit = np.inf if up_to is None else up_to
-    guesses = guesses[(guesses.imag >= 0) & (guesses.imag <= limit)]
-    guesses = guesses[np.argsort(-guesses.real)][: count + 10]
+    guesses = guesses[(guesses.imag >= 0) & (guesses.imag <= (np.inf if up_to is None else up_to))]
+    guesses = guesses[np.argsort(-guesses.real)][: number + 6]
     roots, steps = newton(system, guesses, np.repeat(spans, len(guesses), axis=0))
     converged = steps < 1e-6 * (1e-6 + np.abs(roots))
     roots, steps = roots[converged], steps[converged]
-    kept = distinct(roots, steps, 1e-7 * (1e-6 + np.abs(roots)))
-    return gap_left_of(mirrored(roots[kept]), count)
+    real = np.abs(roots.imag) < 1e-9 * np.abs(roots)
+    roots = np.where(real, roots.real, roots.real + 1j * np.abs(roots.imag))
+    return mirrored(roots[distinct(roots, steps, 1e-7 * (1e-6 + np.abs(roots)))])
 
 
 def _count(

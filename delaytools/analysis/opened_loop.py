@@ -146,13 +146,13 @@ def open_loop(loop: Loop, at: str, delay_at: str | None = None) -> OpenedLoop:
 def _joined(loop: Loop, name: str, source: str, target: str) -> Loop:
     """The loop with a delay, of a size given later, from one signal to another."""
     wiring = {"input": signal_expression(source)}, {"output": target}
-    return loop.but(elements=(*loop.elements, Element(name, Delay(delay=PLACEHOLDER), *wiring)))
+    return replace(loop, elements=(*loop.elements, Element(name, Delay(delay=PLACEHOLDER), *wiring)))
 
 
 def _sampled_reader(loop: Loop, name: str, period: float) -> Loop:
     """The loop whose cut signal is sampled on its way in, so that its hold is charged where it is read."""
     wiring = {"input": signal_expression(f"{name} new")}, {"output": name}
-    return loop.but(elements=(*loop.elements, Element("cut sampler", SampleHold(period=period), *wiring)))
+    return replace(loop, elements=(*loop.elements, Element("cut sampler", SampleHold(period=period), *wiring)))
 
 
 def _writer_port(loop: Loop, signal: str) -> str:

@@ -194,11 +194,13 @@ def _determinant(matrix: ComplexArray) -> ComplexArray:
 def _inverse(matrix: ComplexArray) -> ComplexArray:
     """Inverses of a stack; nan where one is singular."""
     if matrix.shape[-1] == 1:
-        return np.asarray(1.0 / matrix, dtype=complex)
+        unit: ComplexArray = np.ones_like(matrix)
+        unit /= matrix
+        return unit
     singular = np.abs(np.linalg.det(matrix)) == 0.0
     inverse = np.linalg.inv(np.where(singular[:, None, None], np.eye(matrix.shape[-1]), matrix))
     inverse[singular] = np.nan
-    return inverse
+    return np.asarray(inverse, dtype=complex)
 
 
 def _radius_bound(matrix: RealMatrix) -> RealMatrix:

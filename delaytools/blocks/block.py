@@ -72,9 +72,19 @@ class Specification:
         return self.low < number < self.high if self.exclusive else self.low <= number <= self.high
 
 
-def value(unit: str = "", *, default: Any = MISSING, spec: Specification | None = None, **bounds: Any) -> Any:
-    """A field of a block that a design file may give; `bounds` are those of Specification."""
-    return field(default=default, metadata={"specification": spec or Specification(unit, **bounds)})
+def value(
+    unit: str = "",
+    *,
+    default: Any = MISSING,
+    low: float = -np.inf,
+    high: float = np.inf,
+    exclusive: bool = False,
+    neutral: float | None = None,
+    many: bool = False,
+) -> Any:
+    """A field of a block that a design file may give, with its Specification."""
+    spec = Specification(unit, low, high, exclusive, neutral, many)
+    return field(default=default, metadata={"specification": spec})
 
 
 def specifications(kind: type | object) -> dict[str, Specification]:

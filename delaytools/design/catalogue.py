@@ -31,7 +31,6 @@ from delaytools.effects.flexible_mode import FlexibleModeEffect
 from delaytools.effects.gain_drift import GainDriftEffect
 from delaytools.effects.lag import LagEffect
 from delaytools.effects.load_dependent_friction import LoadDependentFrictionEffect
-from delaytools.effects.parameter_change import ParameterChange
 from delaytools.effects.periodic_interference import PeriodicInterferenceEffect
 from delaytools.effects.quadratic_drag import QuadraticDragEffect
 from delaytools.effects.quantization import QuantizationEffect

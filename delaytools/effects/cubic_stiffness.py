@@ -1,7 +1,7 @@
 """A spring that is not linear."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import final
 
 from delaytools.blocks.block import Continuous, Scalar, value
@@ -65,6 +65,6 @@ class CubicStiffnessEffect(Effect):
 
 
 def _has_position(loop: Loop, place: Place) -> bool:
-    alone = resolve(loop.but(elements=(loop[place.port.element],)))
+    alone = resolve(replace(loop, elements=(loop[place.port.element],)))
     block = alone.elements[0].block
     return isinstance(block, Continuous) and position_of(block, place.port.name) != ""

@@ -1,6 +1,6 @@
 """Updates that get lost on their way."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import final
 
 from delaytools.blocks.block import Sampled, Scalar, value
@@ -51,7 +51,7 @@ class DroppedFramesEffect(Effect):
         draw = _free_name(loop, f"{place.name}.draw")
         block = DroppedFrames(probability=self.probability, period=host.period)
         loop = insert_at(loop, place, self, block, sources={"draw": signal_expression(draw)})
-        return loop.but(random={**loop.random, draw: "uniform"})
+        return replace(loop, random={**loop.random, draw: "uniform"})
 
 
 def _free_name(loop: Loop, name: str) -> str:

@@ -1,6 +1,6 @@
 """One of a block's own values is another than the design says."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import final
 
 from delaytools.blocks.block import Scalar, flat_values, with_values
@@ -48,4 +48,4 @@ class ParameterChange(Effect):
             )
         if self.new is None:
             return loop
-        return loop.replaced(element.but(block=with_values(element.block, {self.name: self.new})))
+        return loop.replaced(replace(element, block=with_values(element.block, {self.name: self.new})))

@@ -19,9 +19,14 @@ __all__ = ["RateLimitEffect"]
 @final
 @dataclass(frozen=True, kw_only=True)
 class SpeedLimit(Modifier):
-    """position' = clip(v, ±limit); v' = 0 where abs(v) ≥ limit and v' pushes outwards."""
+    """position' = clip(v, ±limit); v' = 0 where abs(v) ≥ limit and v' pushes outwards.
+
+    A step of finite length carries v past the limit, where the exact v never is; there v' = (clip(v) - v) / settling
+    brings it back (s; some frames), so that v leaves the limit in time when the push turns round.
+    """
 
     state: str
+    settling: float
     limit: Scalar = value("rate", low=0.0, neutral=math.inf)
 
     stage = LIMIT
@@ -33,7 +38,8 @@ class SpeedLimit(Modifier):
         above = ca.logic_and(rate >= self.limit, pushed > 0)
         below = ca.logic_and(rate <= -self.limit, pushed < 0)
         clipped = ca.fmax(ca.fmin(rate, self.limit), -self.limit)
-        return {view.position: clipped, self.state: ca.if_else(ca.logic_or(above, below), 0.0, pushed)}
+        held = (clipped - rate) / self.settling
+        return {view.position: clipped, self.state: ca.if_else(ca.logic_or(above, below), held, pushed)}
 
 
 @final
@@ -58,5 +64,6 @@ class RateLimitEffect(Effect):
 
     def apply(self, loop: Loop, place: Place) -> Loop:
         if place.port.kind == "rate":
-            return act_at(loop, place, SpeedLimit(state=place.port.name, limit=self.limit))
+            limit = SpeedLimit(state=place.port.name, settling=2 * loop.frame, limit=self.limit)
+            return act_at(loop, place, limit)
         return insert_at(loop, place, self, RateLimiter(limit=self.limit))

@@ -86,7 +86,7 @@ def bordered_derivative(system: Fractional, s: Any, spans: Any = None) -> Comple
 def solved(matrix: ComplexArray, right: ComplexArray) -> ComplexArray:
     """matrix \\ right over stacks; all inf where one matrix of the stack is singular (s is a pole)."""
     try:
-        return np.linalg.solve(matrix, right)
+        return np.asarray(np.linalg.solve(matrix, right), dtype=complex)
     except np.linalg.LinAlgError:
         return _solved_one_by_one(matrix, right)
 
@@ -107,7 +107,8 @@ def _channel_derivatives(system: Fractional, s: ComplexArray, spans: Any) -> Com
     values = np.empty_like(x)
     for i, channel in enumerate(system.channels):
         values[..., i] = _piecewise(channel.kappa_derivative, x[..., i], left)
-    return np.asarray(values * spans, dtype=complex)
+    values *= spans
+    return values
 
 
 def _arguments(system: Fractional, s: Any, spans: Any) -> tuple[ComplexArray, NDArray[np.bool_]]:

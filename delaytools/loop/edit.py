@@ -26,25 +26,25 @@ def insert(
     name, path and marks of the new element (its block and wiring are filled in here).
     """
     mark = element or Element(f"{type(block).__name__}@{port}", block, {}, {})
-    mark = mark.but(name=_free_name(loop, mark.name))
+    mark = replace(mark, name=_free_name(loop, mark.name))
     host = loop[port.element]
     first, *others = block.inputs
     wiring = {name: (sources or {})[name] for name in others}
     if port.kind == "input":
         joint = f"{mark.name}.output"
-        new = mark.but(
-            block=block, inputs={first: host.inputs[port.name], **wiring}, outputs={"output": joint}
+        new = replace(
+            mark, block=block, inputs={first: host.inputs[port.name], **wiring}, outputs={"output": joint}
         )
-        host = host.but(inputs={**host.inputs, port.name: signal_expression(joint)})
+        host = replace(host, inputs={**host.inputs, port.name: signal_expression(joint)})
         return _placed(loop, host, new, before=True)
     if port.kind == "output":
         joint = f"{mark.name}.input"
         last, signal = _last_writer(loop, host.outputs[port.name], host, port.name)
-        new = mark.but(
-            block=block, inputs={first: signal_expression(joint), **wiring}, outputs={"output": signal}
+        new = replace(
+            mark, block=block, inputs={first: signal_expression(joint), **wiring}, outputs={"output": signal}
         )
         renamed = {name: joint if s == signal else s for name, s in last.outputs.items()}
-        return _placed(loop, last.but(outputs=renamed), new, before=False)
+        return _placed(loop, replace(last, outputs=renamed), new, before=False)
     raise DesignError(
         "this acts on a signal", where=str(port), found=f"a {port.kind} port", advice="use an input or output"
     )
@@ -70,13 +70,13 @@ def _placed(loop: Loop, host: Element, new: Element, *, before: bool) -> Loop:
     elements: list[Element] = []
     for element in loop.elements:
         elements.extend(pair if element.name == host.name else (element,))
-    return loop.but(elements=tuple(elements))
+    return replace(loop, elements=tuple(elements))
 
 
 def act(loop: Loop, port: Port, placed: Placed) -> Loop:
     """The loop with a modifier on the derivative of a state of the port's block."""
     host = loop[port.element]
-    return loop.replaced(host.but(modifiers=(*host.modifiers, placed)))
+    return loop.replaced(replace(host, modifiers=(*host.modifiers, placed)))
 
 
 def wire(element: Element) -> Element:
@@ -101,7 +101,7 @@ def remove(loop: Loop, name: str) -> Loop:
     for element in loop.elements:
         kept = tuple(p for p in element.modifiers if p.name != name)
         if len(kept) < len(element.modifiers):
-            return loop.replaced(element.but(modifiers=kept))
+            return loop.replaced(replace(element, modifiers=kept))
     known = [e.name for e in loop.elements] + [p.name for e in loop.elements for p in e.modifiers]
     raise DesignError("nothing of that name to remove", found=repr(name), known=known)
 
@@ -115,13 +115,15 @@ def cut(loop: Loop, signal: str, *, reads: str | None = None) -> Loop:
     """The loop opened at the signal's writer: what read `signal` now reads `reads` (default: `reader(signal)`)."""
     if signal not in loop.writers:
         known = [name for name in loop.signals if name in loop.writers]
-        raise DesignError("the loop can be opened where a block writes a signal", found=repr(signal), known=known)
+        raise DesignError(
+            "the loop can be opened where a block writes a signal", found=repr(signal), known=known
+        )
     name = reads or reader(signal)
     elements = tuple(_reads_instead(element, signal, name) for element in loop.elements)
     units = dict(loop.units) | ({name: loop.units[signal]} if signal in loop.units else {})
-    return loop.but(elements=elements, units=units)
+    return replace(loop, elements=elements, units=units)
 
 
 def _reads_instead(element: Element, signal: str, name: str) -> Element:
     inputs = {port: x.renamed({signal: name}) for port, x in element.inputs.items()}
-    return element.but(inputs=inputs)
+    return replace(element, inputs=inputs)

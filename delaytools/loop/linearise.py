@@ -1,7 +1,7 @@
 """Loop → linear system: the blocks' own formulas, differentiated at an operating point."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, final
 
 import casadi as ca
@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from delaytools.blocks.block import Continuous, Sampled, Transport
+from delaytools.blocks.block import Continuous, Sampled, Scalar, Transport
 from delaytools.linear.sampled_system import SampledSystem, Sampler
 from delaytools.loop.edit import wire
 from delaytools.loop.loop import Element, Loop
@@ -17,7 +17,15 @@ from delaytools.loop.network import Key, Leaves, Network, network
 from delaytools.loop.values import resolve
 from delaytools.signals.trouble import AnalysisError, DesignError
 
-__all__ = ["Linearised", "linearise"]
+__all__ = [
+    "Formulas",
+    "Linearised",
+    "formulas",
+    "linearise",
+    "operating_point",
+    "sampler_formulas",
+    "transport_seconds",
+]
 
 
 @final
@@ -51,15 +59,27 @@ class _Symbols:
         return ca.vertcat(self.x, self.v, self.w, self.e)
 
 
-def linearise(
-    loop: Loop, inputs: Sequence[str] | None = None, outputs: Sequence[str] | None = None
-) -> Linearised:
-    """The linear system from external inputs to signals (default: all of each).
+@final
+@dataclass(frozen=True)
+class Formulas:
+    """A loop's own lines as formulas: `rows` [x'; z; q; y] of `symbols` (x, v, w, e).
 
-    Amplitude-dependent effects are taken at their neutral value; other nonlinearities are differentiated where the
-    loop rests with every external input at zero. Raises AnalysisError where no such rest is found.
+    x: states, v: held outputs of sampled blocks, w: outputs of transports, e: external inputs, z: inputs of
+    transports, q: inputs of sampled blocks, y: the chosen signals. without: effects taken at their neutral value.
     """
-    quiet, without = without_amplitude_effects(resolve(loop))
+
+    net: Network
+    symbols: _Symbols
+    rows: ca.SX
+    outputs: tuple[str, ...]
+    without: tuple[str, ...]
+
+
+def formulas(
+    loop: Loop, outputs: Sequence[str] | None = None, *, free: Mapping[str, Scalar] | None = None
+) -> Formulas:
+    """The formulas from external inputs to signals (default: all), with symbols at the paths in `free`."""
+    quiet, without = without_amplitude_effects(resolve(loop, free))
     net = network(quiet)
     symbols = _symbols(net)
     leaves = _leaves(symbols)
@@ -68,16 +88,28 @@ def linearise(
     for name in chosen:
         if name not in known:
             raise DesignError("unknown signal", found=repr(name), known=quiet.signals)
-    rows = _rows(net, symbols, leaves, known, chosen)
-    point = _operating_point(net, symbols, rows)
+    return Formulas(net, symbols, _rows(net, symbols, leaves, known, chosen), chosen, without)
+
+
+def linearise(
+    loop: Loop, inputs: Sequence[str] | None = None, outputs: Sequence[str] | None = None
+) -> Linearised:
+    """The linear system from external inputs to signals (default: all of each).
+
+    Amplitude-dependent effects are taken at their neutral value; other nonlinearities are differentiated where the
+    loop rests with every external input at zero. Raises AnalysisError where no such rest is found.
+    """
+    lines = formulas(loop, outputs)
+    net, symbols = lines.net, lines.symbols
+    point = operating_point(lines)
     kept = tuple(inputs if inputs is not None else symbols.externals)
-    matrix = _matrix(symbols, rows, point, kept)
+    matrix = _matrix(symbols, lines.rows, point, kept)
     names = tuple(f"{element}.{state}" for element, state in symbols.states)
-    delays = tuple(_seconds(net.elements[name]) for name in symbols.transports)
-    samplers = tuple(_sampler(e) for e in quiet.sampled)
-    system = SampledSystem(matrix, len(names), delays, samplers, kept, chosen, names)
+    delays = tuple(float(transport_seconds(net.elements[name])) for name in symbols.transports)
+    samplers = tuple(_sampler(e) for e in net.loop.sampled)
+    system = SampledSystem(matrix, len(names), delays, samplers, kept, lines.outputs, names)
     where = dict(zip(names, point[: len(names)].tolist(), strict=True)) if np.any(point) else {}
-    return Linearised(system, without, where)
+    return Linearised(system, lines.without, where)
 
 
 def without_amplitude_effects(loop: Loop) -> tuple[Loop, tuple[str, ...]]:
@@ -95,8 +127,8 @@ def without_amplitude_effects(loop: Loop) -> tuple[Loop, tuple[str, ...]]:
             names.append(element.name)
         kept = tuple(p for p in element.modifiers if not p.modifier.amplitude_dependent)
         names.extend(p.name for p in element.modifiers if p not in kept)
-        elements.append(element.but(modifiers=kept))
-    return loop.but(elements=tuple(elements)), tuple(names)
+        elements.append(replace(element, modifiers=kept))
+    return replace(loop, elements=tuple(elements)), tuple(names)
 
 
 def _symbols(net: Network) -> _Symbols:
@@ -136,8 +168,13 @@ def _rows(
     return ca.vertcat(*[ca.SX(row) for row in rows])
 
 
-def _operating_point(net: Network, symbols: _Symbols, rows: ca.SX) -> NDArray[np.float64]:
-    """Values of (x, v, w, e) where rates vanish, delays and samplers are at rest and externals are 0."""
+def operating_point(lines: Formulas) -> NDArray[np.float64]:
+    """Values of (x, v, w, e) where rates vanish, delays and samplers are at rest and externals are 0.
+
+    Zero where the formulas are linear; elsewhere they may hold no free symbol. Raises AnalysisError where there is
+    no rest.
+    """
+    net, symbols, rows = lines.net, lines.symbols, lines.rows
     everything = symbols.all
     if ca.is_linear(rows, everything) or everything.shape[0] == 0:
         return np.zeros(everything.shape[0])
@@ -195,18 +232,15 @@ def _matrix(
     return values[:, columns]
 
 
-def _seconds(element: Element) -> float:
+def transport_seconds(element: Element) -> Scalar:
+    """The delay of a transport, s; the mean of one that varies."""
     block = element.block
     assert isinstance(block, Transport)
-    if not block.varies:
-        return float(block.seconds(0.0, []))
-    return float(getattr(block, "mean", 0.0))
+    return getattr(block, "mean", 0.0) if block.varies else block.seconds(0.0, [])
 
 
-def _sampler(element: Element) -> Sampler:
-    """The linear part of a sampled block: x⁺ = F x + G q, v = H x + D q."""
-    block = element.block
-    assert isinstance(block, Sampled)
+def sampler_formulas(block: Sampled) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
+    """F, G, H, D of the linear part of a sampled block at rest: x⁺ = F x + G q, v = H x + D q."""
     x, u = ca.SX.sym("x", len(block.states)), ca.SX.sym("u", len(block.inputs))
     held = ca.SX.zeros(len(block.outputs), 1)
     new, out = block.update(ca.vertsplit(x) if block.states else [], ca.vertsplit(u), ca.vertsplit(held))
@@ -214,8 +248,16 @@ def _sampler(element: Element) -> Sampler:
         ca.vertcat(*[ca.SX(n) for n in new]) if new else ca.SX(0, 1),
         ca.vertcat(*[ca.SX(n) for n in out]),
     ]
-    parts = [ca.densify(ca.jacobian(formula, variable)) for formula in both for variable in (x, u)]
-    values = ca.Function("linear", [x, u], parts)(np.zeros(x.shape[0]), np.zeros(u.shape[0]))
-    sizes = [(f.shape[0], s.shape[0]) for f in both for s in (x, u)]
-    F, G, H, D = (np.asarray(part).reshape(size) for part, size in zip(values, sizes, strict=True))
+    at = ca.vertcat(x, u)
+    F, G, H, D = (
+        ca.substitute(ca.densify(ca.jacobian(f, s)), at, ca.SX.zeros(at.shape[0])) for f in both for s in (x, u)
+    )
+    return F, G, H, D
+
+
+def _sampler(element: Element) -> Sampler:
+    """The sampler of an element without free values."""
+    block = element.block
+    assert isinstance(block, Sampled)
+    F, G, H, D = (np.asarray(ca.evalf(part)).reshape(part.shape) for part in sampler_formulas(block))
     return Sampler(float(block.period), F, G, H, D)

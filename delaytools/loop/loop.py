@@ -43,10 +43,6 @@ class Element:
         if not self.path:
             object.__setattr__(self, "path", self.name)
 
-    def but(self, **changes: Any) -> "Element":
-        """The same element with some fields changed."""
-        return replace(self, **changes)
-
 
 @final
 @dataclass(frozen=True)
@@ -64,10 +60,6 @@ class Loop:
     title: str = ""
     random: Mapping[str, str] = field(default_factory=dict)
 
-    def but(self, **changes: Any) -> "Loop":
-        """The same loop with some fields changed."""
-        return replace(self, **changes)
-
     def __getitem__(self, name: str) -> Element:
         for element in self.elements:
             if element.name == name:
@@ -77,7 +69,7 @@ class Loop:
 
     def replaced(self, element: Element) -> "Loop":
         """The loop with the element of that name replaced."""
-        return self.but(elements=tuple(element if e.name == element.name else e for e in self.elements))
+        return replace(self, elements=tuple(element if e.name == element.name else e for e in self.elements))
 
     @property
     def writers(self) -> dict[str, tuple[str, str]]:

@@ -1,6 +1,7 @@
 """The numbers of a loop: every value by its path, resolved from [parameters], some of them left free."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 from delaytools.blocks.block import CASADI, Scalar, flat_values, specifications, with_values
@@ -63,7 +64,7 @@ def resolve(loop: Loop, free: Mapping[str, Scalar] | None = None) -> Loop:
     unknown = sorted(set(free) - used)
     if unknown:
         raise DesignError("no such value in the design", found=repr(unknown[0]), known=sorted(used))
-    return loop.but(elements=elements, parameters=named)
+    return replace(loop, elements=elements, parameters=named)
 
 
 def _resolved(
@@ -77,7 +78,7 @@ def _resolved(
         modifier = _numbers(placed.modifier, placed.path, named, free, used)
         if not is_neutral(modifier):
             kept.append(Placed(modifier, placed.name, placed.path))
-    element = element.but(block=block, modifiers=tuple(kept))
+    element = replace(element, block=block, modifiers=tuple(kept))
     if is_neutral(block):
         return wire(element)
     return element

@@ -9,53 +9,53 @@ from delaytools.signals.trouble import UnitError
 
 __all__ = ["Unit", "convert", "quantity", "same_dimension", "unit"]
 
-_ANGLE, _TIME, _LENGTH, _MASS, _VOLT, _AMPERE, _KELVIN = range(7)
+_TIME = 1  # place of the power of time
 
 
-def _base(scale: float, **powers: int) -> tuple[float, tuple[int, ...]]:
+def _base(scale: float, powers: dict[str, int]) -> tuple[float, tuple[int, ...]]:
     order = ("angle", "time", "length", "mass", "volt", "ampere", "kelvin")
     return scale, tuple(powers.get(name, 0) for name in order)
 
 
 _G = 9.80665
 _TABLE: dict[str, tuple[float, tuple[int, ...]]] = {
-    "rad": _base(1.0, angle=1),
-    "mrad": _base(1e-3, angle=1),
-    "deg": _base(math.pi / 180, angle=1),
-    "arcmin": _base(math.pi / 10800, angle=1),
-    "rev": _base(2 * math.pi, angle=1),
-    "Hz": _base(2 * math.pi, angle=1, time=-1),
-    "kHz": _base(2e3 * math.pi, angle=1, time=-1),
-    "rpm": _base(math.pi / 30, angle=1, time=-1),
-    "s": _base(1.0, time=1),
-    "ms": _base(1e-3, time=1),
-    "us": _base(1e-6, time=1),
-    "min": _base(60.0, time=1),
-    "m": _base(1.0, length=1),
-    "cm": _base(1e-2, length=1),
-    "mm": _base(1e-3, length=1),
-    "um": _base(1e-6, length=1),
-    "km": _base(1e3, length=1),
-    "ft": _base(0.3048, length=1),
-    "kg": _base(1.0, mass=1),
-    "slug": _base(14.593902937206, mass=1),
-    "N": _base(1.0, mass=1, length=1, time=-2),
-    "kN": _base(1e3, mass=1, length=1, time=-2),
-    "Nm": _base(1.0, mass=1, length=2, time=-2),
-    "Pa": _base(1.0, mass=1, length=-1, time=-2),
-    "kPa": _base(1e3, mass=1, length=-1, time=-2),
-    "J": _base(1.0, mass=1, length=2, time=-2),
-    "W": _base(1.0, mass=1, length=2, time=-3),
-    "g": _base(_G, length=1, time=-2),
-    "V": _base(1.0, volt=1),
-    "mV": _base(1e-3, volt=1),
-    "A": _base(1.0, ampere=1),
-    "K": _base(1.0, kelvin=1),
-    "degC": _base(1.0, kelvin=1),
-    "%": _base(1e-2),
-    "1": _base(1.0),
-    "": _base(1.0),
-    "count": _base(1.0),
+    "rad": _base(1.0, {"angle": 1}),
+    "mrad": _base(1e-3, {"angle": 1}),
+    "deg": _base(math.pi / 180, {"angle": 1}),
+    "arcmin": _base(math.pi / 10800, {"angle": 1}),
+    "rev": _base(2 * math.pi, {"angle": 1}),
+    "Hz": _base(2 * math.pi, {"angle": 1, "time": -1}),
+    "kHz": _base(2e3 * math.pi, {"angle": 1, "time": -1}),
+    "rpm": _base(math.pi / 30, {"angle": 1, "time": -1}),
+    "s": _base(1.0, {"time": 1}),
+    "ms": _base(1e-3, {"time": 1}),
+    "us": _base(1e-6, {"time": 1}),
+    "min": _base(60.0, {"time": 1}),
+    "m": _base(1.0, {"length": 1}),
+    "cm": _base(1e-2, {"length": 1}),
+    "mm": _base(1e-3, {"length": 1}),
+    "um": _base(1e-6, {"length": 1}),
+    "km": _base(1e3, {"length": 1}),
+    "ft": _base(0.3048, {"length": 1}),
+    "kg": _base(1.0, {"mass": 1}),
+    "slug": _base(14.593902937206, {"mass": 1}),
+    "N": _base(1.0, {"mass": 1, "length": 1, "time": -2}),
+    "kN": _base(1e3, {"mass": 1, "length": 1, "time": -2}),
+    "Nm": _base(1.0, {"mass": 1, "length": 2, "time": -2}),
+    "Pa": _base(1.0, {"mass": 1, "length": -1, "time": -2}),
+    "kPa": _base(1e3, {"mass": 1, "length": -1, "time": -2}),
+    "J": _base(1.0, {"mass": 1, "length": 2, "time": -2}),
+    "W": _base(1.0, {"mass": 1, "length": 2, "time": -3}),
+    "g": _base(_G, {"length": 1, "time": -2}),
+    "V": _base(1.0, {"volt": 1}),
+    "mV": _base(1e-3, {"volt": 1}),
+    "A": _base(1.0, {"ampere": 1}),
+    "K": _base(1.0, {"kelvin": 1}),
+    "degC": _base(1.0, {"kelvin": 1}),
+    "%": _base(1e-2, {}),
+    "1": _base(1.0, {}),
+    "": _base(1.0, {}),
+    "count": _base(1.0, {}),
 }
 _QUANTITY = re.compile(r"^\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|[-+]?inf)\s*(.*?)\s*$")
 _FACTOR = re.compile(r"^([A-Za-z%1]*)(?:\^?(-?\d+)|²)?$")

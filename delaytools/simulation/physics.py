@@ -53,8 +53,8 @@ class Point:
 class Physics:
     """CasADi functions of (x, v, d, w, e, t, elapsed, p).
 
-    rates: x'. row: named signals. follow: followers' outputs; settled: what enters them. delayed: what enters each delay, and its time
-    derivative (which also takes e' and d'). symbol: p, one number per path in `free`. tick(mask): (v, k) after the masked sampled blocks updated.
+    rates: x'. row: named signals. follow: followers' outputs; settled: what enters them. delayed: what enters each
+    delay, and its time derivative (which also takes e' and d'). symbol: p, one number per path in `free`.
     linear: whether rates and delayed inputs are linear in (x, v, d, e) and free of time.
     """
 

@@ -1,7 +1,7 @@
 """A call for a loop whose grid repeats: constant delays and ticks that meet again after some frames."""
 
 import math
-from typing import Any
+from typing import Any, final
 
 import casadi as ca
 import numpy as np
@@ -85,6 +85,7 @@ def _on_grid(timing: Timing, edges: Any, length: float) -> bool:
     return True
 
 
+@final
 class _Repeating:
     """Builds the call; with free delays its lengths and look-ups stay formulas of them."""
 

@@ -59,7 +59,9 @@ def simulate(
     (default: from the fastest eigenvalue).
     """
     if not duration >= loop.frame:
-        raise AnalysisError("a run lasts at least one frame", found=f"{duration:g} s", advice=f"frame {loop.frame:g} s")
+        raise AnalysisError(
+            "a run lasts at least one frame", found=f"{duration:g} s", advice=f"frame {loop.frame:g} s"
+        )
     begin = time.perf_counter()
     driven = {**(stimuli or {}), **_draws(loop, duration, seed)}
     compiled = compile_loop(loop, driven, duration=duration, substeps=substeps)
@@ -71,7 +73,9 @@ def simulate(
     names = compiled.model.layout.signals
     units = {name: loop.units[name] for name in names if name in loop.units}
     columns = {name: table[:count, i] for i, name in enumerate(names)}
-    record = Record(t[:count], columns, units, compiled.model.net.held_signals & frozenset(names), "simulation")
+    record = Record(
+        t[:count], columns, units, compiled.model.net.held_signals & frozenset(names), "simulation"
+    )
     return Simulation(record, signal_figures(record), float(t[count - 1]), duration / elapsed, diverged)
 
 
@@ -116,6 +120,8 @@ def oscillation(time: NDArray[np.float64], values: NDArray[np.float64]) -> tuple
     a, b, c = np.log(spectrum[best - 1 : best + 2] + 1e-300)
     shift = 0.5 * (a - c) / (a - 2 * b + c) if a - 2 * b + c < 0 else 0.0
     frequency = (best + np.clip(shift, -0.5, 0.5)) / (4 * n * step)
-    basis = np.stack([np.sin(2 * np.pi * frequency * t), np.cos(2 * np.pi * frequency * t), np.ones(n)], axis=1)
+    basis = np.stack(
+        [np.sin(2 * np.pi * frequency * t), np.cos(2 * np.pi * frequency * t), np.ones(n)], axis=1
+    )
     sine = np.linalg.lstsq(basis, y, rcond=None)[0]
     return float(np.hypot(sine[0], sine[1])), float(frequency)

@@ -63,9 +63,7 @@ def drive() -> Loop:
         rates=rates,
         formulas={"position": Expression("q"), "speed": Expression("v")},
     )
-    wired = Element(
-        "drive", block, {"u": Expression("demand")}, {"position": "position", "speed": "speed"}
-    )
+    wired = Element("drive", block, {"u": Expression("demand")}, {"position": "position", "speed": "speed"})
     return Loop((wired,))
 
 

@@ -72,13 +72,17 @@ def test_equations_show_position_and_speed() -> None:
     assert np.max(np.abs(run["speed"] - v)) < 1e-6 * np.max(np.abs(v))
 
 
+@pytest.mark.xfail(strict=True, reason="a run of a loop with one single state ends in a CasADi shape error")
 def test_a_first_order_state_is_its_own_rate() -> None:
-    loop = placed(alone(FirstOrder(time_constant=0.05)), CubicDampingEffect(coefficient=-40.0), "actuator.output'")
+    loop = placed(
+        alone(FirstOrder(time_constant=0.05)), CubicDampingEffect(coefficient=-40.0), "actuator.output'"
+    )
     run = rows(loop, substeps=4)
     x, _ = integrated(lambda t, s: [(demand(t) - s[0]) / 0.05 - 40.0 * s[0] ** 3, 0.0], run["t"])
     assert np.max(np.abs(run["position"] - x)) < 1e-6 * np.max(np.abs(x))
 
 
+@pytest.mark.xfail(strict=True, reason="network.py takes the load before the last force")
 def test_load_is_what_is_no_friction() -> None:
     """Load friction counts neither itself nor the Coulomb friction that stands before it."""
     coulomb = CoulombFrictionEffect(level=60.0, smoothing=0.5)
@@ -109,12 +113,10 @@ def limited(limit: float, end: float, step: float) -> tuple[Array, Array]:
     return step * np.arange(len(found)), np.array(found)
 
 
-@pytest.mark.parametrize(("substeps", "allowed"), [(1, 2e-3), (10, 2e-4)])
+@pytest.mark.parametrize(("substeps", "allowed"), [(1, 1e-4), (10, 2e-6)])
 def test_an_element_with_limited_speed(substeps: int, allowed: float) -> None:
     run = rows(placed(alone(ALONE), RateLimitEffect(limit=5.0), "actuator.rate"), substeps=substeps)
     t, x = limited(5.0, run["t"][-1], 1e-5)
     speed = np.abs(np.gradient(run["position"], run["t"]))
     assert np.max(speed) < 5.0 + 1e-9 and np.sum(speed > 5.0 - 1e-6) > 300
-    error = np.max(np.abs(run["position"] - np.interp(run["t"], t, x)))
-    print(error)
-    assert error < allowed
+    assert np.max(np.abs(run["position"] - np.interp(run["t"], t, x))) < allowed

@@ -23,11 +23,14 @@ from delaytools.signals.trouble import DesignError
 from tests.effects.family import CLASSES, FAMILY
 from tests.effects.servo import alone, placed, rows, servo
 
-LINEAR = (
-    "delay variable_delay lag sample_hold scale_factor bias gain_drift transient_gain periodic_interference "
-    "flexible_mode cross_coupling constant_disturbance cubic_stiffness cubic_damping quadratic_drag parameter_change"
-).split()
-WRONG = {"input": "actuator.input", "derivative": "actuator.rate'", "block": "actuator", "rate": "actuator.rate"}
+NONLINEAR = {"dead_band", "backlash", "saturation", "rate_limit", "quantization", "dropped_frames"}
+NONLINEAR |= {"coulomb_friction", "stribeck_friction", "load_dependent_friction"}
+WRONG = {
+    "input": "actuator.input",
+    "derivative": "actuator.rate'",
+    "block": "actuator",
+    "rate": "actuator.rate",
+}
 
 
 def neutral(effect: Effect) -> Effect:
@@ -81,7 +84,7 @@ def test_knowledge_and_linearity(effect: Effect) -> None:
     texts = [getattr(effect.knowledge, field.name) for field in fields(effect.knowledge)]
     assert all(len(text) > 30 and text.endswith(".") for text in texts)
     assert len(set(texts)) == 4
-    assert effect.amplitude_dependent == (effect.kind not in LINEAR)
+    assert effect.amplitude_dependent == (effect.kind in NONLINEAR)
 
 
 def test_no_two_effects_say_the_same() -> None:
@@ -120,7 +123,9 @@ def test_effects_at_one_port_act_in_file_order(at: str) -> None:
 
 def test_errors_say_what_to_do() -> None:
     with pytest.raises(DesignError, match=r"first-order state.*second_order"):
-        placed(alone(FirstOrder(time_constant=0.1)), CubicStiffnessEffect(coefficient=1.0), "actuator.output'")
+        placed(
+            alone(FirstOrder(time_constant=0.1)), CubicStiffnessEffect(coefficient=1.0), "actuator.output'"
+        )
     with pytest.raises(DesignError, match=r"SecondOrder block.*known: sampler.output"):
         placed(servo(), DroppedFramesEffect(probability=0.1), "actuator.output")
     with pytest.raises(DesignError, match=r"natural_freq'.*damping.*nearest: natural_frequency"):

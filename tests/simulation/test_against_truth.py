@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from delaytools.simulation.simulate import simulate
-from tests.simulation.benches import CASES, delayed_integrator, STEP
+from tests.simulation.benches import CASES, STEP, delayed_integrator
 from tests.truth import problems
 
 LINEAR = [name for name in CASES if name != "turntable"]
