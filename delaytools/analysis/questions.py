@@ -16,6 +16,7 @@ from delaytools.linear.algebra import feedback
 from delaytools.linear.delay_system import DelaySystem
 from delaytools.linear.hold_approximation import continuous_approximation
 from delaytools.linear.lifted import lift, why_not_liftable
+from delaytools.linear.lifted_certificate import count_outside
 from delaytools.linear.sampled_system import SampledSystem
 from delaytools.loop.linearise import linearise
 from delaytools.loop.loop import Loop
@@ -167,23 +168,18 @@ def _sampled_roots(opened: OpenedLoop, name: str, value: float, count: int) -> R
     roots = lifted.roots()
     order = np.lexsort((-np.abs(roots.imag), -roots.real))
     roots = roots[order]
-    inside = int(np.sum(np.abs(lifted.multipliers) < 1.0))
-    certified = _winding(lifted.monodromy) == inside
+    why = _certificate(lifted.monodromy, int(np.sum(np.abs(lifted.multipliers) > 1.0)))
     line = float(roots[-1].real) if len(roots) else -np.inf
-    why = "" if certified else "the eigenvalues and the count on the unit circle differ"
-    return RootSet(value, roots[:count], certified, line, why)
+    return RootSet(value, roots[:count], not why, line, why)
 
 
-def _winding(matrix: NDArray[np.float64]) -> int | None:
-    """How often det(zI - Φ) turns about 0 as z goes round the unit circle: the eigenvalues inside it (None: unclear)."""
-    n = len(matrix)
-    for points in (64, 256, 1024, 4096, 16384):
-        z = np.exp(2j * np.pi * (np.arange(points) + 0.5) / points)
-        sign = np.linalg.slogdet(z[:, None, None] * np.eye(n) - matrix)[0]
-        steps = np.angle(np.roll(sign, -1) / sign)
-        if np.max(np.abs(steps)) < 1.0:
-            return round(float(np.sum(steps)) / (2 * np.pi))
-    return None
+def _certificate(monodromy: NDArray[np.float64], outside: int) -> str:
+    """Why the count on the unit circle does not confirm the eigenvalues ("" where it does)."""
+    try:
+        counted = count_outside(monodromy)
+    except AnalysisError as error:
+        return error.problem
+    return "" if counted == outside else f"{outside} eigenvalues outside the unit circle, {counted} counted"
 
 
 def _scaled_transport(system: SampledSystem, index: int, factor: float) -> SampledSystem:

@@ -10,7 +10,7 @@ from delaytools.blocks.block import Continuous, Scalar, value
 
 __all__ = ["TransientGain"]
 
-SAME_INSTANT = 1e-9  # s; times closer than this are one
+SAME_INSTANT = 1e-12  # s; times closer than this are one
 
 
 @final

@@ -135,12 +135,12 @@ class Network:
         states = {state: leaves.states[element.name, state] for state in block.states}
         u = [self.input(element, port, known) for port in block.inputs]
         rates = dict(zip(block.states, block.rate(leaves.t, list(states.values()), u), strict=True))
-        free_of_friction: dict[str, Scalar] = {}
+        loads: dict[str, Scalar] = {}
         for placed in sorted(element.modifiers, key=lambda p: p.modifier.stage):
             modifier = placed.modifier
-            if modifier.stage < FRICTION:
-                free_of_friction = {}
-            load = free_of_friction.setdefault(modifier.state, rates[modifier.state])
+            if modifier.stage >= FRICTION:
+                loads.setdefault(modifier.state, rates[modifier.state])
+            load = loads.get(modifier.state, rates[modifier.state])
             sources = tuple(known[name] for name in modifier.sources)
             position = position_of(block, modifier.state)
             rates |= modifier.modify(StateView(leaves.t, states, rates, position, load, sources))

@@ -18,6 +18,7 @@ from delaytools.simulation.unroll import (
     Stepper,
     Walk,
     hermite,
+    own_parts,
     state_size,
     walk_spans,
 )
@@ -122,11 +123,8 @@ class _FromData:
         return ca.Function("inner", [small, pieces, data, self.model.symbol], outputs)
 
     def _walk(self, small: ca.SX) -> Walk:
-        layout = self.model.layout
-        sizes = [len(layout.states), len(layout.held), len(layout.kept), len(layout.followers)]
-        edges = np.cumsum([0, *sizes])
-        parts = [small[int(a) : int(b)] for a, b in zip(edges[:-1], edges[1:], strict=True)]
-        return Walk(*parts, [[] for _ in layout.transports], [])
+        parts, _ = own_parts(self.model, small)
+        return Walk(*parts, [[] for _ in self.model.layout.transports], [])
 
     def _ticking(self, i: int, number: Any) -> dict[str, Any]:
         if not self.ticks_known:

@@ -84,9 +84,7 @@ def sharp_arrivals(model: Physics, jumping: tuple[str, ...]) -> tuple[Arrival, .
     sources += [
         (key[0], leaf) for leaf, key in enumerate(leaves) if key[1] == "external" and key[0] in jumping
     ]
-    sources += [
-        (key[0], leaf) for leaf, key in enumerate(leaves) if key[1] == "element" and key[0] in jumping
-    ]
+    sources += [(e.name, len(leaves) - 1) for e in model.net.loop.continuous if e.name in jumping]
     first = {key: i for i, key in enumerate(leaves)}
     found: dict[tuple[str, tuple[int, ...]], int] = {}
     for source, leaf in sources:
@@ -117,17 +115,20 @@ def _smoothness(model: Physics) -> tuple[Array, list[tuple[Any, str]]]:
     leaves: list[tuple[Any, str]] = [(name, "held") for name, _ in layout.held]
     leaves += [(i, "delay") for i in range(len(layout.transports))]
     leaves += [(name, "external") for name in layout.externals]
-    names = ("v", "d", "e")
+    leaves.append(("time", "time"))
     point = [ca.SX.sym(f"a{i}", *model.rates.size_in(i)) for i in range(8)]
-    chosen = ca.vertcat(*[point[{"v": 1, "d": 2, "e": 4}[n]] for n in names])
+    chosen = ca.vertcat(point[1], point[2], point[4], point[5])
     rates, inputs = model.rates(*point), _delay_inputs(model, point)
     state_leaf = _pattern(rates, chosen)
+    state_leaf[:, -1] |= _depends(rates, point[5])  # a comparison with time has no derivative, but jumps
     state_state = _pattern(rates, point[0])
     depth = np.where(state_leaf, 1.0, np.inf)
     for _ in range(len(layout.states)):
         step = np.min(np.where(state_state[:, :, None], depth[None], np.inf), axis=1, initial=np.inf) + 1
         depth = np.minimum(depth, step)
-    direct = np.where(_pattern(inputs, chosen), 0.0, np.inf)
+    entering = _pattern(inputs, chosen)
+    entering[:, -1] |= _depends(inputs, point[5])
+    direct = np.where(entering, 0.0, np.inf)
     through = _pattern(inputs, point[0])
     best = np.min(np.where(through[:, :, None], depth[None], np.inf), axis=1, initial=np.inf)
     return np.minimum(direct, best), leaves
@@ -136,6 +137,10 @@ def _smoothness(model: Physics) -> tuple[Array, list[tuple[Any, str]]]:
 def _delay_inputs(model: Physics, point: list[ca.SX]) -> ca.SX:
     zeros = [ca.SX.zeros(*model.delayed.size_in(i)) for i in (8, 9)]
     return model.delayed(*point, *zeros)[0]
+
+
+def _depends(formula: ca.SX, variable: ca.SX) -> NDArray[np.bool_]:
+    return np.array([bool(ca.depends_on(formula[i], variable)) for i in range(formula.shape[0])], dtype=bool)
 
 
 def _pattern(formula: ca.SX, variable: ca.SX) -> NDArray[np.bool_]:

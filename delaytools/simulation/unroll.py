@@ -23,6 +23,7 @@ __all__ = [
     "Walk",
     "hermite",
     "join_state",
+    "own_parts",
     "split_state",
     "state_size",
     "walk_spans",
@@ -30,6 +31,7 @@ __all__ = [
 
 Array = NDArray[np.float64]
 ITERATIONS = 3
+INSIDE = 1e-11  # s by which the ends of a span see the time inside it, so that a jump stays on its own side
 
 
 @final
@@ -134,10 +136,10 @@ class Stepper:
 
     def _step(self, x: Any, walk: Walk, d: Sequence[Any], e: Sequence[Any], clock: tuple[Any, Any]) -> Any:
         t, h = clock
-        k1 = self.rates(x, walk, d[0], e[0], (t, 0.0))
+        k1 = self.rates(x, walk, d[0], e[0], (t + INSIDE, 0.0))
         k2 = self.rates(x + h / 2 * k1, walk, d[1], e[1], (t + h / 2, h / 2))
         k3 = self.rates(x + h / 2 * k2, walk, d[1], e[1], (t + h / 2, h / 2))
-        k4 = self.rates(x + h * k3, walk, d[2], e[2], (t + h, h))
+        k4 = self.rates(x + h * k3, walk, d[2], e[2], (t + h - INSIDE, h))
         return x + h / 6 * (k1 + 2 * (k2 + k3) + k4)
 
     def _matrix_step(self, walk: Walk, d: Sequence[Any], e: Sequence[Any], h: float) -> Any:
@@ -210,11 +212,11 @@ def _one_span(stepper: Stepper, walk: Walk, plan: Plan, i: int, now: tuple[Any, 
         ended = Walk(x, walk.v, walk.k, walk.w, walk.history, walk.rows)
         if stepper.physics.layout.followers:
             ended.w = stepper.physics.follow(
-                *_point(Walk(x, walk.v, None, walk.w, [], []), d2[0], e[2], t + h, h, stepper.p)
+                *_point(Walk(x, walk.v, None, walk.w, [], []), d2[0], e[2], t + h - INSIDE, h, stepper.p)
             )
         if count:
             after = Walk(x, walk.v, None, walk.w, [], [])
-            end = _entry(stepper, after, d2, (e[2], e[4]), (t + h, h, h))
+            end = _entry(stepper, after, d2, (e[2], e[4]), (t + h - INSIDE, h, h))
             guess = [[*first, *last] for first, last in zip(begin, end, strict=True)]
     walk.x, walk.w = ended.x, ended.w
     for pieces, piece in zip(walk.history, guess, strict=True):
@@ -242,14 +244,20 @@ def _entry(
     return [[value[k], slope[k] * h] for k in range(len(stepper.physics.layout.transports))]
 
 
+def own_parts(physics: Physics, state: Any) -> tuple[list[Any], int]:
+    """x, v, k, w of a state vector, and where its history begins."""
+    layout = physics.layout
+    parts, at = [], 0
+    for size in (len(layout.states), len(layout.held), len(layout.kept), len(layout.followers)):
+        parts.append(state[at : at + size] if size else ca.SX(0, 1))
+        at += size
+    return parts, at
+
+
 def split_state(physics: Physics, state: Any, depth: int) -> Walk:
     """The walk that a state vector holds."""
     layout = physics.layout
-    sizes = [len(layout.states), len(layout.held), len(layout.kept), len(layout.followers)]
-    parts, at = [], 0
-    for size in sizes:
-        parts.append(state[at : at + size])
-        at += size
+    parts, at = own_parts(physics, state)
     history: list[list[Any]] = []
     for _ in layout.transports:
         history.append([[state[at + 4 * j + m] for m in range(4)] for j in range(depth)])

@@ -72,7 +72,6 @@ def test_equations_show_position_and_speed() -> None:
     assert np.max(np.abs(run["speed"] - v)) < 1e-6 * np.max(np.abs(v))
 
 
-@pytest.mark.xfail(strict=True, reason="a run of a loop with one single state ends in a CasADi shape error")
 def test_a_first_order_state_is_its_own_rate() -> None:
     loop = placed(
         alone(FirstOrder(time_constant=0.05)), CubicDampingEffect(coefficient=-40.0), "actuator.output'"
@@ -82,7 +81,6 @@ def test_a_first_order_state_is_its_own_rate() -> None:
     assert np.max(np.abs(run["position"] - x)) < 1e-6 * np.max(np.abs(x))
 
 
-@pytest.mark.xfail(strict=True, reason="network.py takes the load before the last force")
 def test_load_is_what_is_no_friction() -> None:
     """Load friction counts neither itself nor the Coulomb friction that stands before it."""
     coulomb = CoulombFrictionEffect(level=60.0, smoothing=0.5)

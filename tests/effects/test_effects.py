@@ -136,3 +136,10 @@ def test_errors_say_what_to_do() -> None:
         VariableDelayEffect(mean=0.01, amplitude=0.002)
     with pytest.raises(DesignError, match="ends after it starts"):
         TransientGainEffect(factor=0.5, start=2.0, end=1.0)
+
+
+def test_a_changed_parameter_is_another_block() -> None:
+    slower = placed(servo(), ParameterChange(name="natural_frequency", new=30.0), "actuator")
+    assert slower["actuator"].block.natural_frequency == 30.0
+    draggier = placed(servo(), ParameterChange(name="denominator[1]", new=3.0), "plant")
+    assert draggier["plant"].block.denominator == (1.0, 3.0)

@@ -11,7 +11,6 @@ from scipy.interpolate import CubicSpline
 
 from delaytools.effects.delay import DelayEffect
 from delaytools.effects.dropped_frames import DroppedFramesEffect
-from delaytools.effects.parameter_change import ParameterChange
 from delaytools.loop.loop import Loop
 from tests.effects.family import SIGNAL
 from tests.effects.servo import DRAWS, LATE, PERIOD, placed, rows, servo
@@ -128,9 +127,6 @@ def test_the_loop_behind_it_agrees_with_finer_steps(name: str) -> None:
     assert step_error(placed(servo(), SIGNAL[name], "actuator.input")) < 1e-7
 
 
-@pytest.mark.xfail(
-    strict=True, reason="the end of a span sees the gain after its jump; delays do not pass it on"
-)
 @pytest.mark.parametrize("name", ["transient gain", "transient gain between frames"])
 @pytest.mark.parametrize("later", [0.0, 0.0123])
 def test_a_jump_of_gain_falls_between_steps(name: str, later: float) -> None:
@@ -147,10 +143,3 @@ def test_dropped_frames_keep_the_value_before() -> None:
         expected.append(value)
     assert np.array_equal(run["sampled"], np.array(expected)[k])
     assert 0.2 < np.mean(DRAWS[: len(sent)] < 0.3) < 0.4
-
-
-def test_a_changed_parameter_is_another_block() -> None:
-    slower = placed(servo(), ParameterChange(name="natural_frequency", new=30.0), "actuator")
-    assert slower["actuator"].block.natural_frequency == 30.0
-    draggier = placed(servo(), ParameterChange(name="denominator[1]", new=3.0), "plant")
-    assert draggier["plant"].block.denominator == (1.0, 3.0)
