@@ -16,6 +16,10 @@ from delaytools.blocks.saturation import Saturation
 from delaytools.blocks.second_order import SecondOrder
 from delaytools.blocks.state_space import StateSpace
 from delaytools.blocks.transfer_function import TransferFunction
+from delaytools.compensators.dynamic import DynamicCompensator, DynamicCompensatorAlone
+from delaytools.compensators.encoder_referenced import EncoderReferencedCompensator
+from delaytools.compensators.inverse import InverseCompensator
+from delaytools.compensators.lead import LeadCompensator
 from delaytools.effects.backlash import BacklashEffect
 from delaytools.effects.bias import BiasEffect
 from delaytools.effects.constant_disturbance import ConstantDisturbanceEffect
@@ -62,6 +66,11 @@ BLOCKS: dict[str, type[Block]] = {
     "quantizer": Quantizer,
     "backlash": Backlash,
     "rate_limiter": RateLimiter,
+    "inverse_compensator": InverseCompensator,
+    "lead_compensator": LeadCompensator,
+    "dynamic_compensator": DynamicCompensator,
+    "dynamic_compensator_alone": DynamicCompensatorAlone,
+    "encoder_referenced_compensator": EncoderReferencedCompensator,
 }
 
 EFFECTS: dict[str, type[Effect]] = {

@@ -30,9 +30,7 @@ class Design:
         try:
             return tomllib.loads(self.text)
         except tomllib.TOMLDecodeError as error:
-            raise DesignError(
-                f"not a TOML file: {error}", where=self.name, advice="see the line and column named"
-            ) from error
+            raise DesignError(f"not a TOML file: {error}", where=self.name, advice=_advice(self.text)) from error
 
     @cached_property
     def tables(self) -> DesignTable:
@@ -52,6 +50,12 @@ class Design:
     def configurations(self) -> Mapping[str, str]:
         """Names and descriptions of the configurations."""
         return {name: table.description for name, table in self.tables.configurations.items()}
+
+
+def _advice(text: str) -> str:
+    if not text.isprintable() and any(ord(mark) < 9 for mark in text):
+        return "this is no text file: give a design file"
+    return "mend the line named; text stands in quotes, tables begin with [NAME]"
 
 
 def parse_design(text: str, name: str = "design") -> Design:

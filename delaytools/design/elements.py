@@ -3,13 +3,17 @@
 from collections.abc import Mapping
 from typing import Any
 
-from delaytools.blocks.block import Block, Specification, required, specifications
-from delaytools.blocks.equations import Equations
+from delaytools.blocks.block import Block, required, specifications
 from delaytools.design.catalogue import BLOCKS
-from delaytools.design.values import Units, parameter, read_value
+from delaytools.design.equations import make_equations
+from delaytools.design.faults import Faults
+from delaytools.design.parameters import Parameters
+from delaytools.design.shapes import check_shape_of
+from delaytools.design.values import Units, read_value
+from delaytools.design.wiring import check_block_name, input_formula, port_names, ported
 from delaytools.loop.loop import Element
-from delaytools.signals.expression import Expression, constant
-from delaytools.signals.trouble import DelaytoolsError, DesignError, nearest
+from delaytools.signals.expression import check_name
+from delaytools.signals.trouble import DesignError, shown
 
 __all__ = ["make_element", "read_values"]
 
@@ -17,148 +21,95 @@ WIRING = ("type", "input", "inputs", "output", "outputs")
 
 
 def make_element(
-    name: str, table: Mapping[str, Any], *, units: Mapping[str, str], parameters: Mapping[str, Any]
+    name: str, table: Mapping[str, Any], *, units: Mapping[str, str], parameters: Parameters
 ) -> Element:
-    """The element that a block's table describes; raises DesignError for what is unknown or missing."""
-    kind = table["type"]
+    """The element that a block's table describes; raises DesignError that names every fault found in it."""
+    place, kind = f"blocks.{name}", table["type"]
+    check_block_name(name)
     if kind not in BLOCKS and kind != "equations":
-        raise DesignError(
-            "unknown block type", where=f"blocks.{name}.type", found=repr(kind), known=sorted(BLOCKS)
-        )
+        known = sorted([*BLOCKS, "equations"])
+        raise DesignError("unknown block type", where=f"{place}.type", found=shown(kind), known=known)
     if kind == "equations":
-        return _equations(name, table, parameters)
-    outputs = _names(table, "output", f"blocks.{name}")
-    unit = units.get(next(iter(outputs.values())) if isinstance(outputs, dict) else outputs[0], "")
-    values = {key: raw for key, raw in table.items() if key not in WIRING}
-    block = BLOCKS[kind](**read_values(BLOCKS[kind], values, f"blocks.{name}", Units(unit), parameters))
-    return Element(
-        name,
-        block,
-        _inputs(table, block, name, parameters),
-        _ported(outputs, block.outputs, f"blocks.{name}.output"),
-    )
+        return make_equations(place, table, units=units, parameters=parameters)
+    faults = Faults()
+    inputs, outputs, block = None, None, None
+    with faults.at(""):
+        inputs = port_names(table, "input", place)
+    with faults.at(""):
+        outputs = port_names(table, "output", place)
+    with faults.at(""):
+        values = {key: raw for key, raw in table.items() if key not in WIRING}
+        held_in = Units(_unit_of(outputs, units))
+        block = _built(
+            BLOCKS[kind], read_values(BLOCKS[kind], values, place, held_in, parameters), f"{place}"
+        )
+    faults.settle()
+    assert inputs is not None and outputs is not None and block is not None
+    return _wired(name, block, inputs, outputs)
+
+
+def _unit_of(outputs: Any, units: Mapping[str, str]) -> str:
+    names = list(outputs.values()) if isinstance(outputs, dict) else outputs or []
+    return units.get(names[0], "") if names and isinstance(names[0], str) else ""
+
+
+def _built(kind: type[Block], values: Mapping[str, Any], place: str) -> Block:
+    try:
+        return kind(**values)
+    except DesignError as error:
+        raise error.at(place) from error
+    except (TypeError, ValueError, IndexError) as error:
+        raise DesignError(
+            "these values do not fit together", where=place, found=shown(dict(values))
+        ) from error
+
+
+def _wired(name: str, block: Block, inputs: Any, outputs: Any) -> Element:
+    faults, place = Faults(), f"blocks.{name}"
+    wired: dict[str, Any] = {}
+    written: dict[str, str] = {}
+    with faults.at(f"{place}.input"):
+        for port, text in ported(inputs, block.inputs).items():
+            with faults.at(f"{place}.{port}"):
+                wired[port] = input_formula(text)
+    with faults.at(f"{place}.output"):
+        written = ported(outputs, block.outputs)
+        for signal in written.values():
+            check_name(signal, "signal")
+    faults.settle()
+    return Element(name, block, wired, written)
 
 
 def read_values(
-    kind: type, values: Mapping[str, Any], place: str, units: Units, parameters: Mapping[str, Any]
+    kind: type, values: Mapping[str, Any], place: str, units: Units, parameters: Parameters
 ) -> dict[str, Any]:
-    """The values of a block or effect as its class takes them; raises DesignError naming the place."""
+    """The values of a block or effect as its class takes them; raises DesignError that names every fault."""
     specs = specifications(kind)
+    faults = Faults()
     for key in values:
         if key not in specs:
-            close = nearest(key, specs)
-            advice = f"nearest: {close}" if close else ""
-            raise DesignError(
-                "unknown value", where=f"{place}.{key}", known=sorted(specs) or ["none"], advice=advice
-            )
+            with faults.at(f"{place}.{key}"):
+                raise DesignError("unknown value", found=repr(key), known=sorted(specs) or ["none"])
     for key in required(kind):
         if key not in values:
             unit = specs[key].unit
-            hint = f" (in {unit})" if unit not in ("", "name") else ""
-            raise DesignError("missing required value", where=f"{place}.{key}", advice=f"give {key}{hint}")
-    return {key: _value(raw, specs[key], f"{place}.{key}", units, parameters) for key, raw in values.items()}
+            hint = f" (in {unit})" if unit not in ("", "name", "signal", "derivative", "rate") else ""
+            with faults.at(f"{place}.{key}"):
+                raise DesignError("missing required value", advice=f"give {key}{hint}")
+    found = {}
+    for key in (key for key in values if key in specs):
+        with faults.at(f"{place}.{key}"):
+            found[key] = _value(kind, key, values[key], units, parameters)
+    faults.settle()
+    return found
 
 
-def _value(raw: Any, spec: Specification, place: str, units: Units, parameters: Mapping[str, Any]) -> Any:
+def _value(kind: type, key: str, raw: Any, units: Units, parameters: Parameters) -> Any:
+    spec = specifications(kind)[key]
     if spec.unit == "name":
         if not isinstance(raw, str):
-            raise DesignError("the name of a signal is wanted here", where=place, found=repr(raw))
+            raise DesignError("the name of a signal is wanted here", found=shown(raw))
         return raw
-    try:
-        return read_value(raw, spec, units, parameters)
-    except DelaytoolsError as error:
-        raise error.at(place) from error
-
-
-def _names(table: Mapping[str, Any], key: str, place: str) -> Any:
-    """The wiring under `input`/`inputs` (or output): a dictionary by port, or a list in port order."""
-    plural = f"{key}s"
-    if key in table and plural in table:
-        raise DesignError(f"both {key} and {plural}", where=place, advice="give one of them")
-    found = table.get(key, table.get(plural))
-    if found is None:
-        raise DesignError("missing required value", where=f"{place}.{key}", advice=f"give {key}")
-    wired = [found] if isinstance(found, str) else found
-    if not isinstance(wired, list | dict) or not wired:
-        raise DesignError(
-            "a signal name or a list of them is wanted", where=f"{place}.{key}", found=repr(found)
-        )
-    return wired
-
-
-def _ported(wired: Any, ports: tuple[str, ...], place: str) -> dict[str, str]:
-    if isinstance(wired, list):
-        if len(wired) != len(ports):
-            raise DesignError(
-                "wrong number of signals",
-                where=place,
-                found=f"{len(wired)}",
-                known=ports,
-                advice=f"give {len(ports)}",
-            )
-        wired = dict(zip(ports, wired, strict=True))
-    for port, text in wired.items():
-        if port not in ports:
-            raise DesignError("unknown port", where=place, found=repr(port), known=ports)
-        if not isinstance(text, str):
-            raise DesignError("a signal name is wanted", where=place, found=repr(text))
-    for port in ports:
-        if port not in wired:
-            raise DesignError("a port without a signal", where=place, found=port, advice=f"wire {port}")
-    return dict(wired)
-
-
-def _inputs(
-    table: Mapping[str, Any], block: Block, name: str, parameters: Mapping[str, Any]
-) -> dict[str, Expression]:
-    place = f"blocks.{name}.input"
-    wired = _ported(_names(table, "input", f"blocks.{name}"), block.inputs, place)
-    return {port: combination(text, place) for port, text in wired.items()}
-
-
-def combination(text: str, place: str) -> Expression:
-    """A signal or a linear combination of signals."""
-    try:
-        return Expression(text)
-    except DesignError as error:
-        raise error.at(place) from error
-
-
-def _equations(name: str, table: Mapping[str, Any], parameters: Mapping[str, Any]) -> Element:
-    place = f"blocks.{name}"
-    known = ("type", "inputs", "states", "parameters", "rates", "outputs")
-    for key in table:
-        if key not in known:
-            raise DesignError("unknown value", where=f"{place}.{key}", known=known[1:])
-    for key in ("inputs", "outputs"):
-        if not isinstance(table.get(key), Mapping):
-            raise DesignError(
-                "missing required value",
-                where=f"{place}.{key}",
-                advice=f"give {key} = {{ name = ... }} of an equations block",
-            )
-    rates = _formulas(table.get("rates", {}), f"{place}.rates")
-    formulas = _formulas(table["outputs"], f"{place}.outputs")
-    used = {n for formula in (*rates.values(), *formulas.values()) for n in formula.names}
-    try:
-        block = Equations(
-            input_names=tuple(table["inputs"]),
-            start={key: parameter(raw, parameters) for key, raw in table.get("states", {}).items()},
-            parameters={key: parameter(raw, parameters) for key, raw in table.get("parameters", {}).items()},
-            rates=rates,
-            formulas=formulas,
-            shared={n: parameters[n] for n in parameters if n in used},
-        )
-    except DesignError as error:
-        raise error.at(place) from error
-    wired = {port: combination(text, f"{place}.inputs.{port}") for port, text in table["inputs"].items()}
-    return Element(name, block, wired, {port: port for port in block.outputs})
-
-
-def _formulas(table: Mapping[str, Any], place: str) -> dict[str, Expression]:
-    found = {}
-    for key, raw in table.items():
-        found[key] = (
-            constant(raw) if isinstance(raw, int | float) else combination(str(raw), f"{place}.{key}")
-        )
-    return found
+    if spec.many:
+        check_shape_of(kind, key, raw)
+    return read_value(raw, spec, units, parameters)

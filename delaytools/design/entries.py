@@ -1,28 +1,41 @@
 """One [[effects]] entry as Loop → Loop."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Any
 
 from delaytools.blocks.block import specifications
 from delaytools.blocks.equations import Equations
 from delaytools.design.catalogue import EFFECTS, PARAMETER_CHANGE
 from delaytools.design.elements import read_values
+from delaytools.design.parameters import Parameters, parameter
 from delaytools.design.values import Units, read_value
 from delaytools.effects.effect import Effect, Place, check_place
 from delaytools.effects.parameter_change import ParameterChange
 from delaytools.loop.loop import Element, Loop
 from delaytools.loop.port import Port, find_port
-from delaytools.signals.trouble import DesignError
+from delaytools.signals.trouble import DelaytoolsError, DesignError, shown
 from delaytools.signals.units import Unit, unit
 
-__all__ = ["apply_effect", "make_effect", "place_units"]
+__all__ = ["apply_effect", "check_type", "make_effect", "place_units"]
 
 
-def apply_effect(loop: Loop, table: Mapping[str, Any], index: int, *, known: set[str]) -> Loop:
-    """The loop with the entry's effect; raises DesignError for an unknown type, port, value or signal."""
-    port = find_port(loop, table["at"])
-    effect = make_effect(loop, table, port)
-    place = Place(port, f"{table['type']}@{table['at']}", f"effects.{index}")
+def apply_effect(
+    loop: Loop, table: Mapping[str, Any], path: str, *, known: Collection[str], parameters: Parameters
+) -> Loop:
+    """The loop with the entry's effect, whose values stand at `path` (`effects.0`).
+
+    known: signals that are declared, beside those of the loop. Raises DesignError for an unknown type, port, value
+    or signal.
+    """
+    kind, _, what = str(table["type"]).partition(":")
+    check_type(table["type"])
+    try:
+        port = find_port(loop, table["at"])
+    except DesignError as error:
+        raise error.at("at") from error
+    effect = _change(loop, port, what, table) if kind == PARAMETER_CHANGE else None
+    effect = effect or make_effect(loop, table, port, parameters)
+    place = Place(port, f"{table['type']}@{table['at']}", path)
     check_place(effect, place)
     signals = {*loop.signals, *known}
     for name, spec in specifications(effect).items():
@@ -32,24 +45,29 @@ def apply_effect(loop: Loop, table: Mapping[str, Any], index: int, *, known: set
     return effect.apply(loop, place)
 
 
-def make_effect(loop: Loop, table: Mapping[str, Any], port: Port) -> Effect:
-    """The effect of an entry, with its values in the units of its place."""
-    kind, _, what = str(table["type"]).partition(":")
+def check_type(found: Any) -> None:
+    """Raises DesignError for a type that is no effect of the catalogue."""
+    kind, _, what = str(found).partition(":")
+    names = [*sorted(EFFECTS), f"{PARAMETER_CHANGE}:NAME"]
+    if kind == PARAMETER_CHANGE and not what:
+        advice = f'write type = "{PARAMETER_CHANGE}:damping" for a value named damping'
+        raise DesignError("which value of the block changes?", where="type", found=shown(found), advice=advice)
+    if kind != PARAMETER_CHANGE and (kind not in EFFECTS or what):
+        raise DesignError("unknown effect type", where="type", found=shown(found), known=names)
+
+
+def make_effect(loop: Loop, table: Mapping[str, Any], port: Port, parameters: Parameters) -> Effect:
+    """The effect of an entry of the catalogue, with its values in the units of its place."""
+    kind = EFFECTS[table["type"]]
     values = {key: raw for key, raw in table.items() if key not in ("type", "at")}
-    if kind == PARAMETER_CHANGE:
-        return _change(loop, port, what, values)
-    if kind not in EFFECTS or what:
-        names = [*sorted(EFFECTS), f"{PARAMETER_CHANGE}:NAME"]
-        raise DesignError("unknown effect type", where="type", found=repr(table["type"]), known=names)
-    units = place_units(loop, port)
-    return EFFECTS[kind](**read_values(EFFECTS[kind], values, kind, units, loop.parameters))
+    return kind(**read_values(kind, values, kind.kind, place_units(loop, port), parameters))
 
 
-def _change(loop: Loop, port: Port, name: str, values: Mapping[str, Any]) -> Effect:
-    if set(values) - {name}:
-        odd = sorted(set(values) - {name})[0]
-        raise DesignError("unknown value", where=odd, known=[name], advice=f"give {name} = its new value")
-    if name not in values:
+def _change(loop: Loop, port: Port, name: str, table: Mapping[str, Any]) -> Effect:
+    odd = sorted(set(table) - {name, "type", "at"})
+    if odd:
+        raise DesignError("unknown value", where=odd[0], known=[name], advice=f"give {name} = its new value")
+    if name not in table:
         raise DesignError("missing required value", where=name, advice=f"give {name} = its new value")
     element = loop[port.element]
     spec = specifications(element.block).get(name.partition("[")[0])
@@ -57,8 +75,13 @@ def _change(loop: Loop, port: Port, name: str, values: Mapping[str, Any]) -> Eff
         known = sorted(specifications(element.block))
         raise DesignError("unknown value of the block", where=port.element, found=repr(name), known=known)
     signal = loop.units.get(next(iter(element.outputs.values())), "")
-    new = read_value(values[name], spec, Units(signal), loop.parameters) if spec else float(values[name])
-    return ParameterChange(name=name, new=new)
+    try:
+        if spec is None:
+            return ParameterChange(name=name, new=parameter(table[name], loop.parameters))
+        known_names = Parameters(loop.parameters)
+        return ParameterChange(name=name, new=read_value(table[name], spec, Units(signal), known_names))
+    except DelaytoolsError as error:
+        raise error.at(name) from error
 
 
 def place_units(loop: Loop, port: Port) -> Units:

@@ -13,7 +13,7 @@ __all__ = ["Faults"]
 class Faults:
     """Gathers errors by place; `settle` raises one error that names them all."""
 
-    def __init__(self, file: str) -> None:
+    def __init__(self, file: str = "") -> None:
         self.file = file
         self.found: list[DelaytoolsError] = []
 
@@ -23,12 +23,15 @@ class Faults:
         try:
             yield
         except DelaytoolsError as error:
-            self.found.append(error.at(place) if place else error)
+            for single in error.each or (error,):
+                self.found.append(single.at(place) if place else single)
 
     def settle(self) -> None:
         """Raise what was found, if anything was."""
         if len(self.found) == 1:
-            raise self.found[0].at(self.file)
+            raise self.found[0].at(self.file) if self.file else self.found[0]
         if self.found:
             lines = "\n".join(f"  {error}" for error in self.found)
-            raise DesignError(f"{len(self.found)} faults\n{lines}", where=self.file)
+            whole = DesignError(f"{len(self.found)} faults\n{lines}", where=self.file)
+            whole.each = tuple(self.found)
+            raise whole

@@ -4,7 +4,7 @@ from typing import Any, final
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from delaytools.signals.trouble import DesignError, nearest
+from delaytools.signals.trouble import DesignError, nearest, shown
 
 __all__ = ["DesignTable", "check_shape"]
 
@@ -110,20 +110,44 @@ def check_shape(data: dict[str, Any]) -> tuple[DesignTable, list[DesignError]]:
     try:
         return DesignTable.model_validate(data), []
     except ValidationError as error:
-        return DesignTable(), [_fault(item, data) for item in error.errors()]
+        found: dict[str, DesignError] = {}
+        for item in error.errors():
+            fault = _fault(item)
+            found.setdefault(fault.where, fault)
+        return DesignTable(), list(found.values())
 
 
-def _fault(item: Any, data: dict[str, Any]) -> DesignError:
-    path = [str(part) for part in item["loc"] if str(part) not in ("float", "str", "int")]
+# pydantic's words for what it wanted -> ours, and what to write
+_WANTED = {
+    "float_type": ("a number or a quantity is wanted here", 'write 0.5 or "5 ms"'),
+    "string_type": ("text is wanted here", "write it in quotes"),
+    "int_type": ("a whole number is wanted here", "write 1"),
+    "int_from_float": ("a whole number is wanted here", "write 1"),
+    "list_type": ("a list is wanted here", "write it in brackets: [ … ]"),
+    "dict_type": ("a table is wanted here", "write it in braces: { name = … }"),
+    "model_type": ("a table is wanted here", "write it in braces: { name = … }"),
+    "model_attributes_type": ("a table is wanted here", "write it in braces: { name = … }"),
+}
+
+
+def _fault(item: Any) -> DesignError:
+    path = [str(part) for part in item["loc"] if part not in ("float", "str", "int")]
     where, name = ".".join(path), path[-1] if path else ""
     if item["type"] == "extra_forbidden":
         known = _keys_at(path[:-1])
-        close = nearest(name, known)
-        advice = f"nearest: {close}" if close else "remove it, or put it under the table it belongs to"
-        return DesignError("unknown key", where=where, known=known, advice=advice)
+        advice = "" if nearest(name, known) else "remove it, or put it under the table it belongs to"
+        return DesignError("unknown key", where=where, found=repr(name), known=known, advice=advice)
     if item["type"] == "missing":
         return DesignError("missing required value", where=where, advice=f"give {name}")
-    return DesignError(item["msg"][0].lower() + item["msg"][1:], where=where, found=repr(item.get("input")))
+    raw = item.get("input")
+    if path[0] in ("parameters", "tolerance", "tuning") and isinstance(raw, dict):
+        dotted = ".".join([name, *raw][:2])
+        advice = f'a path is one name in quotes: write "{dotted}" = …'
+        return DesignError("a value is wanted here", where=where, found=shown(raw), advice=advice)
+    problem, advice = _WANTED.get(item["type"], (item["msg"][0].lower() + item["msg"][1:], ""))
+    if item["type"] in ("list_type", "dict_type", "model_type") and path[0] == "effects" and len(path) == 1:
+        advice = "begin every effect with [[effects]]"
+    return DesignError(problem, where=where, found=shown(raw), advice=advice)
 
 
 def _keys_at(path: list[str]) -> list[str]:

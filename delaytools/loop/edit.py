@@ -126,4 +126,5 @@ def cut(loop: Loop, signal: str, *, reads: str | None = None) -> Loop:
 
 def _reads_instead(element: Element, signal: str, name: str) -> Element:
     inputs = {port: x.renamed({signal: name}) for port, x in element.inputs.items()}
-    return replace(element, inputs=inputs)
+    modifiers = tuple(replace(p, instead={**p.instead, signal: name}) for p in element.modifiers)
+    return replace(element, inputs=inputs, modifiers=modifiers)

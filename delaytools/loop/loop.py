@@ -15,11 +15,20 @@ __all__ = ["Element", "Loop", "Placed"]
 @final
 @dataclass(frozen=True)
 class Placed:
-    """A modifier in its place; `path` is where its values stand in the design (`effects.0`)."""
+    """A modifier in its place; `path` is where its values stand in the design (`effects.0`).
+
+    instead: signal that the modifier asks for -> signal that it reads (where a loop is opened).
+    """
 
     modifier: Modifier
     name: str
     path: str
+    instead: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def sources(self) -> tuple[str, ...]:
+        """Signals that the modifier reads."""
+        return tuple(self.instead.get(name, name) for name in self.modifier.sources)
 
 
 @final
@@ -84,7 +93,7 @@ class Loop:
             for expression in element.inputs.values():
                 found.update(dict.fromkeys(n for n in expression.names if n not in self.parameters))
             for placed in element.modifiers:
-                found.update(dict.fromkeys(placed.modifier.sources))
+                found.update(dict.fromkeys(placed.sources))
         return tuple(found)
 
     @property

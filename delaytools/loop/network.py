@@ -141,7 +141,7 @@ class Network:
             if modifier.stage >= FRICTION:
                 loads.setdefault(modifier.state, rates[modifier.state])
             load = loads.get(modifier.state, rates[modifier.state])
-            sources = tuple(known[name] for name in modifier.sources)
+            sources = tuple(known[name] for name in placed.sources)
             position = position_of(block, modifier.state)
             rates |= modifier.modify(StateView(leaves.t, states, rates, position, load, sources))
         return rates

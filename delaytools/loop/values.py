@@ -7,7 +7,7 @@ from typing import Any
 from delaytools.blocks.block import CASADI, Scalar, flat_values, specifications, with_values
 from delaytools.blocks.equations import Equations
 from delaytools.loop.edit import wire
-from delaytools.loop.loop import Element, Loop, Placed
+from delaytools.loop.loop import Element, Loop
 from delaytools.signals.expression import Expression
 from delaytools.signals.trouble import DesignError
 
@@ -77,7 +77,7 @@ def _resolved(
     for placed in element.modifiers:
         modifier = _numbers(placed.modifier, placed.path, named, free, used)
         if not is_neutral(modifier):
-            kept.append(Placed(modifier, placed.name, placed.path))
+            kept.append(replace(placed, modifier=modifier))
     element = replace(element, block=block, modifiers=tuple(kept))
     if is_neutral(block):
         return wire(element)

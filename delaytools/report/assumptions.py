@@ -33,10 +33,11 @@ def remarks(design: Design) -> tuple[Remark, ...]:
         if comment is not None and not code.strip():
             own.append(comment.strip())
             continue
-        found += _own(own, table)
-        own = []
         if match := _TABLE.match(code):
             table = match.group(1).replace('"', "")
+        if code.strip():
+            found += _own(own, table)
+            own = []
         if comment is not None and _telling(comment):
             key = _KEY.match(code)
             name = key.group(1).strip("\"'") if key else ""
@@ -58,7 +59,7 @@ def _telling(text: str) -> bool:
 
 
 def _clean(text: str) -> str:
-    text = re.sub(r"-{4,}", "", text).replace("*", "")
+    text = re.sub(r"-{3,}", "", text).replace("*", "")
     return re.sub(r"\s+", " ", text).strip()
 
 

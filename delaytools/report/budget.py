@@ -14,7 +14,7 @@ from delaytools.loop.linearise import without_amplitude_effects
 from delaytools.loop.loop import Element, Loop
 from delaytools.loop.values import resolve
 from delaytools.report.cases import Case
-from delaytools.report.signal_graph import longest_cycle, on_every_cycle, signal_graph
+from delaytools.report.signal_graph import longest_cycle, on_cycles, on_every_cycle, signal_graph
 from delaytools.signals.expression import signal_expression
 
 __all__ = ["Budget", "BudgetEntry", "budget"]
@@ -85,7 +85,7 @@ def budget(case: Case, at: str, margins: Margins, removed: frozenset[str]) -> Bu
         element = loop[name]
         if isinstance(element.block, Gain):
             continue
-        bench = name in removed or name.partition("@")[2].partition(".")[0] in removed or name in removed
+        bench = name in removed or name.partition("@")[2].partition(".")[0] in removed
         entries.append(_entry(loop, (before, name, after), crossover, bench, name in series))
     why = margins.why.get("delay_margin", "")
     return Budget(case.name, crossover, tuple(entries), phase, margins.delay_margin, why)
@@ -111,7 +111,7 @@ def _entry(
     before, name, after = place
     element = loop[name]
     delay, phase = _alone(loop, element, before, after, crossover)
-    hold, note = _hold(loop, element, after)
+    hold, note = _hold(loop, element, on_cycles(signal_graph(loop), name))
     if hold and delay is not None:
         delay += hold
     if hold and phase is not None and crossover is not None:
@@ -134,18 +134,29 @@ def _acts_as_delay(delay: float | None, phase: float | None, crossover: float | 
     return abs(phase + crossover * delay) <= 0.35 * abs(crossover * delay) + 1e-9
 
 
-def _hold(loop: Loop, element: Element, after: str) -> tuple[float, str]:
-    """Half a period, unless the next element reads the sequence at the same instants; and words for it."""
+def _hold(loop: Loop, element: Element, inside: set[str]) -> tuple[float, str]:
+    """Half a period, unless a reader on a way round takes the sequence at the same instants; and words for it."""
     block = element.block
     if not isinstance(block, Sampled):
         return 0.0, ""
-    seen, graph = after, signal_graph(loop)
-    while isinstance(loop[seen].block, Gain) and len(graph[seen]) == 1:
-        seen = graph[seen][0]
-    reader = loop[seen].block
-    if isinstance(reader, Sampled) and abs(float(reader.period) - float(block.period)) < 1e-9:
-        return 0.0, f"read by {seen} at the same instants: no hold"
+    for reader in _readers(loop, element.name, inside):
+        other = loop[reader].block
+        if isinstance(other, Sampled) and abs(float(other.period) - float(block.period)) < 1e-9:
+            return 0.0, f"read by {reader} at the same instants: no hold"
     return float(block.period) / 2, f"half the period of {float(block.period) * 1e3:g} ms"
+
+
+def _readers(loop: Loop, name: str, inside: set[str]) -> list[str]:
+    """The elements on a way round that read the element, through gains."""
+    graph, found = signal_graph(loop), list[str]()
+    waiting = [name]
+    while waiting:
+        for reader in graph[waiting.pop()]:
+            if reader in inside and reader not in found and reader != name:
+                found.append(reader)
+                if isinstance(loop[reader].block, Gain):
+                    waiting.append(reader)
+    return found
 
 
 def _alone(

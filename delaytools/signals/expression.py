@@ -2,16 +2,19 @@
 
 import ast
 import math
+import re
+import unicodedata
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from keyword import iskeyword
 from typing import Any, final
 
 import numpy as np
 
-from delaytools.signals.trouble import DesignError
+from delaytools.signals.trouble import DesignError, shown
 
-__all__ = ["FUNCTIONS", "Expression", "constant", "signal_expression"]
+__all__ = ["FUNCTIONS", "Expression", "check_name", "constant", "signal_expression"]
 
 FUNCTIONS = ("abs", "sign", "sin", "cos", "tan", "tanh", "exp", "log", "sqrt", "min", "max")
 NUMPY: dict[str, Callable[..., Any]] = {
@@ -27,12 +30,22 @@ NUMPY: dict[str, Callable[..., Any]] = {
     "min": np.minimum,
     "max": np.maximum,
 }
+_WORD = re.compile(r"[^\W\d]\w*")
+
+
+def _power(a: Any, b: Any) -> Any:
+    found = a**b
+    if isinstance(found, complex):
+        raise DesignError("a power that is no real number in a formula", found=f"({a:g})**({b:g})")
+    return found
+
+
 _BINARY: dict[type, Callable[[Any, Any], Any]] = {
     ast.Add: lambda a, b: a + b,
     ast.Sub: lambda a, b: a - b,
     ast.Mult: lambda a, b: a * b,
     ast.Div: lambda a, b: a / b,
-    ast.Pow: lambda a, b: a**b,
+    ast.Pow: _power,
 }
 
 
@@ -47,18 +60,25 @@ class Expression:
     text: str
 
     def __post_init__(self) -> None:
-        _check(self._tree, self.text)
+        try:
+            _check(self._tree, self.text)
+        except RecursionError as error:
+            raise DesignError(
+                "a formula with too many terms", found=shown(self.text), advice="split it into several blocks"
+            ) from error
 
     @cached_property
     def _tree(self) -> ast.expr:
+        advice = "use names, numbers, + - * / ** and parentheses"
+        if "#" in self.text:
+            raise DesignError("a comment inside a formula", found=shown(self.text), advice="put it outside")
         try:
-            return ast.parse(self.text.strip(), mode="eval").body
+            return ast.parse(" ".join(self.text.split()), mode="eval").body
         except (SyntaxError, ValueError, MemoryError, RecursionError) as error:
-            raise DesignError(
-                "not a formula",
-                found=repr(self.text),
-                advice="use names, numbers, + - * / ** and parentheses",
-            ) from error
+            words = [word for word in _WORD.findall(self.text) if iskeyword(word)]
+            if words:
+                advice = f"{words[0]} cannot be a name in a formula: rename it"
+            raise DesignError("not a formula", found=shown(self.text), advice=advice) from error
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -78,8 +98,32 @@ class Expression:
         return expression
 
     def evaluate(self, values: Mapping[str, Any], functions: Mapping[str, Callable[..., Any]] = NUMPY) -> Any:
-        """The value of the formula where every name has its value (numbers, arrays or CasADi symbols)."""
-        return _evaluate(self._tree, values, functions)
+        """The value of the formula where every name has its value (numbers, arrays or CasADi symbols).
+
+        Raises DesignError for an unknown name, and where plain numbers are divided by zero or have no real power.
+        """
+        try:
+            found = _evaluate(self._tree, values, functions)
+        except (ZeroDivisionError, OverflowError) as error:
+            problem = "a division by zero" if isinstance(error, ZeroDivisionError) else "a number too large"
+            raise DesignError(f"{problem} in a formula", found=shown(self.text)) from error
+        except RecursionError as error:
+            raise DesignError("a formula with too many terms", found=shown(self.text)) from error
+        return found
+
+
+def check_name(name: str, what: str) -> None:
+    """Raises DesignError for a name that no formula could read: not a word, or one that means something else."""
+    if name in ("pi", *FUNCTIONS) or iskeyword(name):
+        raise DesignError(
+            f"{name!r} cannot be the name of a {what}",
+            advice="it has a meaning of its own in formulas: choose another name",
+        )
+    if not (name.isidentifier() and unicodedata.normalize("NFKC", name) == name):
+        raise DesignError(
+            f"{name!r} cannot be the name of a {what}",
+            advice="formulas read names of letters, digits and _ that begin with a letter",
+        )
 
 
 def constant(number: float) -> Expression:
@@ -122,7 +166,13 @@ def _check(node: ast.AST, text: str) -> None:
     match node:
         case ast.Constant(value=bool()):
             pass
-        case ast.Constant(value=int() | float()) | ast.Name():
+        case ast.Name(id=name) if name in FUNCTIONS:
+            advice = f"{name} is a function: write {name}(…), or rename the signal or parameter"
+            raise DesignError(f"{name} without its argument in {shown(text)}", advice=advice)
+        case ast.Constant(value=int() | float() as number):
+            _check_constant(number, text)
+            return
+        case ast.Name():
             return
         case ast.BinOp(left=left, op=op, right=right) if type(op) in _BINARY:
             _check(left, text)
@@ -134,18 +184,23 @@ def _check(node: ast.AST, text: str) -> None:
         case ast.Call(func=ast.Name(id=name), args=args, keywords=[]) if name in FUNCTIONS:
             _check_call(name, args, text)
             return
-    found = ast.unparse(node) if isinstance(node, ast.AST) else str(node)
     raise DesignError(
-        f"{found!r} is not allowed in the formula {text!r}",
+        f"{shown(ast.unparse(node))} is not allowed in the formula {shown(text)}",
         known=["+ - * / **", "parentheses", "pi", *FUNCTIONS],
         advice="formulas are parsed, nothing else is evaluated",
     )
 
 
+def _check_constant(number: float, text: str) -> None:
+    if not abs(number) < 1e300:
+        raise DesignError("a number too large", found=shown(text), advice="write a smaller number")
+
+
 def _check_call(name: str, args: list[ast.expr], text: str) -> None:
     wanted = 2 if name in ("min", "max") else 1
     if len(args) < wanted or (wanted == 1 and len(args) > 1):
-        raise DesignError(f"{name} takes {wanted} value(s) in {text!r}", found=f"{len(args)}")
+        values = "one value" if wanted == 1 else "two values or more"
+        raise DesignError(f"{name} takes {values} in the formula {shown(text)}", found=f"{len(args)}")
     for arg in args:
         _check(arg, text)
 

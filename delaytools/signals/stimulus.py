@@ -2,14 +2,15 @@
 
 import math
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from delaytools.signals.expression import Expression
-from delaytools.signals.trouble import DesignError
+from delaytools.signals.trouble import DesignError, shown
 
 __all__ = [
     "Chirp",
@@ -191,21 +192,29 @@ class Noise(Stimulus):
 @final
 @dataclass(frozen=True, kw_only=True)
 class Formula(Stimulus):
-    """Any formula of t (s)."""
+    """Any formula of t (s) and of named numbers; raises DesignError for other names and where it has no value."""
 
     formula: Expression
+    values: Mapping[str, float] = field(default_factory=dict)
 
     jumps = ()
 
     def __post_init__(self) -> None:
-        odd = [name for name in self.formula.names if name != "t"]
+        odd = [name for name in self.formula.names if name != "t" and name not in self.values]
         if odd:
-            raise DesignError(
-                "unknown name in the formula of an input", found=repr(odd[0]), known=["t", "pi"]
-            )
+            known = ["t", "pi", *self.values]
+            raise DesignError("unknown name in the formula of an input", found=repr(odd[0]), known=known)
 
     def value(self, t: Array) -> Array:
-        return np.broadcast_to(np.asarray(self.formula.evaluate({"t": t}), dtype=float), t.shape)
+        with np.errstate(all="ignore"):
+            found = np.asarray(self.formula.evaluate({**self.values, "t": t}), dtype=float)
+        found = np.broadcast_to(found, t.shape)
+        if not np.isfinite(found).all():
+            when = float(t[~np.isfinite(found)][0])
+            raise DesignError(
+                "the formula of an input has no finite value", found=f"{shown(self.formula.text)} at t = {when:g} s"
+            )
+        return found
 
 
 @final

@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 from difflib import get_close_matches
 
-__all__ = ["AnalysisError", "DelaytoolsError", "DesignError", "LogError", "UnitError", "nearest"]
+__all__ = ["AnalysisError", "DelaytoolsError", "DesignError", "LogError", "UnitError", "nearest", "shown"]
 
 
 def nearest(name: str, known: Iterable[str]) -> str:
@@ -12,8 +12,19 @@ def nearest(name: str, known: Iterable[str]) -> str:
     return matches[0] if matches else ""
 
 
+def shown(item: object, length: int = 80) -> str:
+    """What was found, as a message quotes it: cut where it is long."""
+    text = repr(item)
+    return text if len(text) <= length else f"{text[: length - 2]}…{text[-1]}"
+
+
 class DelaytoolsError(Exception):
-    """Something the user can put right: where it is, what is wrong, what is known, what to do."""
+    """Something the user can put right: where it is, what is wrong, what is known, what to do.
+
+    each: the single faults, where one error stands for several.
+    """
+
+    each: "tuple[DelaytoolsError, ...]" = ()
 
     def __init__(
         self,
@@ -44,7 +55,9 @@ class DelaytoolsError(Exception):
     def at(self, where: str) -> "DelaytoolsError":
         """The same trouble, with the place put in front of the place it already names."""
         place = f"{where}: {self.where}" if self.where else where
-        return type(self)(self.problem, where=place, found=self.found, known=self.known, advice=self.advice)
+        new = type(self)(self.problem, where=place, found=self.found, known=self.known, advice=self.advice)
+        new.each = tuple(error.at(where) for error in self.each)
+        return new
 
 
 class UnitError(DelaytoolsError):

@@ -30,6 +30,7 @@ _TABLE: dict[str, tuple[float, tuple[int, ...]]] = {
     "s": _base(1.0, {"time": 1}),
     "ms": _base(1e-3, {"time": 1}),
     "us": _base(1e-6, {"time": 1}),
+    "µs": _base(1e-6, {"time": 1}),
     "min": _base(60.0, {"time": 1}),
     "m": _base(1.0, {"length": 1}),
     "cm": _base(1e-2, {"length": 1}),
@@ -58,7 +59,7 @@ _TABLE: dict[str, tuple[float, tuple[int, ...]]] = {
     "count": _base(1.0, {}),
 }
 _QUANTITY = re.compile(r"^\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|[-+]?inf)\s*(.*?)\s*$")
-_FACTOR = re.compile(r"^([A-Za-z%1]*)(?:\^?(-?\d+)|²)?$")
+_FACTOR = re.compile(r"^([A-Za-zµ%1]+?)(?:\^?(-?\d+)|²)?$")
 
 
 @final
@@ -85,7 +86,7 @@ def unit(symbol: str) -> Unit:
     """
     scale, powers = 1.0, [0] * 7
     sign = 1
-    for token in re.split(r"([*·/])", symbol.replace(" ", "")):
+    for token in re.split(r"([*·/])", symbol.replace(" ", "").replace("**", "^")) if symbol.strip() else ():
         if token in ("*", "·"):
             sign = 1
         elif token == "/":
@@ -101,7 +102,9 @@ def _factor(token: str, symbol: str) -> tuple[Unit, int]:
     match = _FACTOR.match(token)
     if match is None or match.group(1) not in _TABLE:
         known = [name for name in _TABLE if len(name) > 0 and name != "1"]
-        raise UnitError("unknown unit", found=repr(symbol), known=known, advice="write the unit with these")
+        inside = "" if token == symbol else f" in {symbol!r}"
+        advice = "write the unit with these, * and / (m/s^2)"
+        raise UnitError(f"unknown unit{inside}", found=repr(token), known=known, advice=advice)
     exponent = 2 if token.endswith("²") else int(match.group(2) or 1)
     scale, powers = _TABLE[match.group(1)]
     return Unit(match.group(1), scale, powers), exponent
@@ -119,8 +122,8 @@ def convert(number: float, source: str | Unit, target: str | Unit) -> float:
     if not same_dimension(one, other):
         raise UnitError(
             "wrong dimension",
-            found=f"{one.symbol or 'a dimensionless number'!s}",
-            advice=f"give it in {other.symbol or 'a dimensionless number'} or a multiple of it",
+            found=one.symbol or "a number without a unit",
+            advice=f"give it in {other.symbol}, or a unit like it" if other.symbol else "give a bare number",
         )
     return number * one.scale / other.scale if one.symbol != other.symbol else number
 
@@ -128,6 +131,6 @@ def convert(number: float, source: str | Unit, target: str | Unit) -> float:
 def quantity(text: str) -> tuple[float, str] | None:
     """The number and unit of "15 ms", or None where the text does not begin with a number and end in a unit."""
     match = _QUANTITY.match(text)
-    if match is None or (match.group(2) and not re.match(r"^[A-Za-z%]", match.group(2))):
+    if match is None or (match.group(2) and not re.match(r"^([A-Za-zµ%]|1/)", match.group(2))):
         return None
     return float(match.group(1)), match.group(2)

@@ -17,7 +17,7 @@ from delaytools.simulation.unroll import (
     Plan,
     Stepper,
     Walk,
-    hermite,
+    cubic,
     own_parts,
     state_size,
     walk_spans,
@@ -93,17 +93,18 @@ class _FromData:
         walk = self._walk(small)
         begin = self.spans * inputs.per_span
 
+        between = cubic()
+
         def number(i: int, k: int) -> Any:
             return data[begin + i * self.per_span + k]
 
         def look(i: int, delay: int, stage: int, history: list[Any]) -> tuple[Any, Any]:
             slot = delay * STAGES + stage
             at = 4 * (i * STAGES * self.delays + slot)
-            piece = [pieces[at + m] for m in range(4)]
+            piece = pieces[at : at + 4]
             if self.inside and stage > 0:
-                guess = history[-1]
-                piece = [ca.if_else(number(i, 3 * slot + 2), guess[m], piece[m]) for m in range(4)]
-            value, slope = hermite(piece, number(i, 3 * slot))
+                piece = ca.if_else(number(i, 3 * slot + 2), history[-1], piece)
+            value, slope = between(piece, number(i, 3 * slot))
             return value, slope * number(i, 3 * slot + 1)
 
         plan = Plan(
@@ -117,7 +118,7 @@ class _FromData:
         walk_spans(
             Stepper(self.model, self.model.symbol), walk, plan, lambda i: inputs.external(data, i), self.spans
         )
-        made = [ca.SX(n) for history in walk.history for piece in history for n in piece]
+        made = [piece for history in walk.history for piece in history]
         new = ca.vertcat(walk.x, walk.v, walk.k, walk.w)
         outputs = [new, ca.vertcat(*made) if made else ca.SX(0, 1), ca.vertcat(*walk.rows)]
         return ca.Function("inner", [small, pieces, data, self.model.symbol], outputs)

@@ -19,7 +19,8 @@ from delaytools.simulation.unroll import Call
 __all__ = ["Compiled", "compile_loop", "run"]
 
 Array = NDArray[np.float64]
-ROWS_PER_CHUNK = 500
+ROWS_PER_CHUNK = 1000
+ROWS_PER_DATA_CHUNK = 300  # building a map of calls that gather costs more than running it
 
 
 @final
@@ -138,7 +139,8 @@ def _at(compiled: Compiled, name: str, t: Array, shift: float) -> Array:
 
 
 def _mapped(call: Call, state: Array, data: Array, p: Array) -> Array:
-    chunk = max(1, min(len(data), ROWS_PER_CHUNK // call.rows))
+    most = ROWS_PER_CHUNK if call.copies else ROWS_PER_DATA_CHUNK
+    chunk = max(1, min(len(data), most // call.rows))
     mapped = call.function.mapaccum(chunk)
     spread = np.tile(p[:, None], (1, chunk))
     found = []
@@ -147,8 +149,8 @@ def _mapped(call: Call, state: Array, data: Array, p: Array) -> Array:
         if len(part) < chunk:
             part = np.vstack([part, np.repeat(part[-1:], chunk - len(part), axis=0)])
         states, rows = mapped(state, part.T, spread)
-        state = np.asarray(states[:, -1]).ravel()
-        found.append(np.asarray(rows).T)
+        state = states[:, -1].full().ravel()
+        found.append(rows.full().T)
     return np.vstack(found)
 
 

@@ -3,6 +3,7 @@
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import final
 
 import numpy as np
@@ -31,17 +32,21 @@ class SignalFigures:
 @final
 @dataclass(frozen=True)
 class Simulation:
-    """A run: its record, figures per signal, and how long it took.
+    """A run: its record, and how long it took.
 
     diverged: time (s) from which a value was no longer finite and rows were left out, or None.
     real_time_factor: simulated seconds per second of computing, compilation included.
     """
 
     record: Record
-    figures: Mapping[str, SignalFigures]
     seconds_simulated: float
     real_time_factor: float
     diverged: float | None
+
+    @cached_property
+    def figures(self) -> Mapping[str, SignalFigures]:
+        """Figures of every signal."""
+        return signal_figures(self.record)
 
 
 def simulate(
@@ -76,7 +81,7 @@ def simulate(
     record = Record(
         t[:count], columns, units, compiled.model.net.held_signals & frozenset(names), "simulation"
     )
-    return Simulation(record, signal_figures(record), float(t[count - 1]), duration / elapsed, diverged)
+    return Simulation(record, float(t[count - 1]), duration / elapsed, diverged)
 
 
 def _draws(loop: Loop, duration: float, seed: int) -> dict[str, Stimulus]:
@@ -85,7 +90,7 @@ def _draws(loop: Loop, duration: float, seed: int) -> dict[str, Stimulus]:
     found: dict[str, Stimulus] = {}
     for number, name in enumerate(sorted(loop.random)):
         drawn = np.random.default_rng([seed, number]).uniform(size=frames)
-        found[name] = Column(time=loop.frame * (np.arange(frames) - 0.5), values=drawn, held=False)
+        found[name] = Column(time=loop.frame * np.arange(frames), values=drawn, held=False)
     return found
 
 

@@ -21,6 +21,7 @@ __all__ = [
     "Plan",
     "Stepper",
     "Walk",
+    "cubic",
     "hermite",
     "join_state",
     "own_parts",
@@ -106,14 +107,35 @@ class Walk:
 
 
 def hermite(piece: Any, theta: Any) -> tuple[Any, Any]:
-    """Value and θ-derivative of the cubic through (value, slope) at θ = 0 and θ = 1; piece: 4 numbers."""
-    a, da, b, db = (piece[i] for i in range(4))
+    """Value and θ-derivative of the cubic through (value, slope) at θ = 0 and θ = 1; piece: (4, 1)."""
     if isinstance(theta, float) and theta in (0.0, 1.0):
-        return (a, da) if theta == 0.0 else (b, db)
-    c2 = 3 * (b - a) - 2 * da - db
-    c3 = 2 * (a - b) + da + db
-    value = a + theta * (da + theta * (c2 + theta * c3))
-    return value, da + theta * (2 * c2 + 3 * theta * c3)
+        first = 0 if theta == 0.0 else 2
+        return piece[first], piece[first + 1]
+    value = [
+        (1 + 2 * theta) * (1 - theta) ** 2,
+        theta * (1 - theta) ** 2,
+        theta**2 * (3 - 2 * theta),
+        theta**2 * (theta - 1),
+    ]
+    slope = [
+        6 * theta * (theta - 1),
+        (1 - theta) * (1 - 3 * theta),
+        6 * theta * (1 - theta),
+        theta * (3 * theta - 2),
+    ]
+    weights = (
+        ca.DM([value, slope])
+        if isinstance(theta, float)
+        else ca.vertcat(ca.horzcat(*value), ca.horzcat(*slope))
+    )
+    both = ca.mtimes(weights, piece)
+    return both[0], both[1]
+
+
+def cubic() -> ca.Function:
+    """`hermite` for a place that is a symbol: (piece, theta) -> (value, slope)."""
+    piece, theta = ca.SX.sym("piece", 4), ca.SX.sym("theta")
+    return ca.Function("cubic", [piece, theta], list(hermite(piece, theta)))
 
 
 @final
@@ -200,7 +222,7 @@ def _one_span(stepper: Stepper, walk: Walk, plan: Plan, i: int, now: tuple[Any, 
     h, t, e, d0 = now
     count = len(stepper.physics.layout.transports)
     begin = _entry(stepper, walk, d0, (e[0], e[3]), (t, 0.0, h)) if count else []
-    guess = [[a, da, a + da, da] for a, da in begin]
+    guess = [ca.vertcat(a, da, a + da, da) for a, da in begin]
     rounds = ITERATIONS + 1 if plan.looks_inside(i) else 1
     for _ in range(rounds):
         for pieces, piece in zip(walk.history, guess, strict=True):
@@ -217,7 +239,7 @@ def _one_span(stepper: Stepper, walk: Walk, plan: Plan, i: int, now: tuple[Any, 
         if count:
             after = Walk(x, walk.v, None, walk.w, [], [])
             end = _entry(stepper, after, d2, (e[2], e[4]), (t + h - INSIDE, h, h))
-            guess = [[*first, *last] for first, last in zip(begin, end, strict=True)]
+            guess = [ca.vertcat(*first, *last) for first, last in zip(begin, end, strict=True)]
     walk.x, walk.w = ended.x, ended.w
     for pieces, piece in zip(walk.history, guess, strict=True):
         pieces.append(piece)
@@ -228,10 +250,10 @@ def _point(walk: Walk, d: Any, e: Any, t: Any, elapsed: Any, p: Any) -> list[Any
 
 
 def _delayed(plan: Plan, i: int, stage: int, walk: Walk) -> tuple[Any, Any]:
-    looks = [plan.look(i, delay, stage, pieces) for delay, pieces in enumerate(walk.history)]
-    if not looks:
+    if not walk.history:
         return ca.SX(0, 1), ca.SX(0, 1)
-    return ca.vertcat(*[ca.SX(a) for a, _ in looks]), ca.vertcat(*[ca.SX(b) for _, b in looks])
+    looks = [plan.look(i, delay, stage, pieces) for delay, pieces in enumerate(walk.history)]
+    return ca.vertcat(*[a for a, _ in looks]), ca.vertcat(*[b for _, b in looks])
 
 
 def _entry(
@@ -260,15 +282,15 @@ def split_state(physics: Physics, state: Any, depth: int) -> Walk:
     parts, at = own_parts(physics, state)
     history: list[list[Any]] = []
     for _ in layout.transports:
-        history.append([[state[at + 4 * j + m] for m in range(4)] for j in range(depth)])
+        history.append(ca.vertsplit(state[at : at + 4 * depth], 4) if depth else [])
         at += 4 * depth
     return Walk(*parts, history, [])
 
 
 def join_state(walk: Walk, depth: int) -> Any:
     """The state vector of a walk, with the last `depth` spans of history."""
-    flat = [number for pieces in walk.history for piece in pieces[len(pieces) - depth :] for number in piece]
-    return ca.vertcat(walk.x, walk.v, walk.k, walk.w, *[ca.SX(number) for number in flat])
+    kept = [piece for pieces in walk.history for piece in pieces[len(pieces) - depth :]]
+    return ca.vertcat(walk.x, walk.v, walk.k, walk.w, *kept)
 
 
 def state_size(physics: Physics, depth: int) -> int:

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import product
+from itertools import pairwise, product
 from typing import final
 
 import casadi as ca
@@ -68,14 +68,14 @@ def problem(bench: Bench, wishes: Wishes, omega: RealArray) -> Problem:
     bounded = tuple(goal for goal in wishes.goals if not (isinstance(goal, BandError) and goal.most is None))
     z, s = ca.MX.sym("z", len(low)), ca.MX.sym("s", len(bounded))
     t = ca.MX.sym("t", sum(isinstance(goal, MarginGoal) for goal in wishes.goals))
-    varied = dict(zip(wishes.vary, ca.vertsplit(low + z * (high - low)), strict=True))
+    varied = dict(zip(wishes.vary, ca.vertsplit(ca.DM(low) + z * ca.DM(high - low)), strict=True))
     model = _Model(bench, varied, bench.response(), bench.flight_response(), omega)
     cost, kept = _cost(model, wishes, z, low, high), []
     margins = [goal for goal in wishes.goals if isinstance(goal, MarginGoal)]
     for goal in bounded:
         kept.append(model.bound(goal, t[margins.index(goal)] if isinstance(goal, MarginGoal) else ca.MX(1)))
     ends = np.cumsum([0, *(part.shape[0] for part in kept)])
-    rows = tuple(slice(int(a), int(b)) for a, b in zip(ends[:-1], ends[1:], strict=True))
+    rows = tuple(slice(int(a), int(b)) for a, b in pairwise(ends))
     x, f = ca.vertcat(z, s), cost + _PENALTY * ca.sum1(s)
     g = ca.vertcat(*[part + s[i] for i, part in enumerate(kept)])
     formulas = ca.Function("goals", [x, t], [f, g])
@@ -89,7 +89,7 @@ def _cost(model: "_Model", wishes: Wishes, z: ca.MX, low: RealArray, high: RealA
     if errors:
         return ca.sum1(ca.vertcat(*[goal.weight * model.error(goal) for goal in errors]))
     now = np.array([model.bench.nominal[path] for path in wishes.vary])
-    return ca.sumsqr(z - (now - low) / (high - low))
+    return ca.sumsqr(z - ca.DM((now - low) / (high - low)))
 
 
 @final

@@ -8,6 +8,7 @@ from typing import final
 import numpy as np
 from numpy.typing import NDArray
 
+from delaytools.analysis.margins import Margins
 from delaytools.loop.loop import Loop
 from delaytools.signals.trouble import DesignError
 from delaytools.tuning.bench import Bench, delay_at_port
@@ -133,11 +134,12 @@ class _Candidate:
     values: dict[str, float]
     figures: tuple[Figure, ...]
     cost: float
+    stable: bool
 
     @property
-    def rank(self) -> tuple[float, float]:
-        """How much is missing of all goals, in parts of what is wished; then the cost."""
-        return sum(max(0.0, 1 - 1e-3 - f.share) for f in self.figures), self.cost
+    def rank(self) -> tuple[bool, float, float]:
+        """Stable first; then how much is missing of all goals, in parts of what is wished; then the cost."""
+        return not self.stable, sum(max(0.0, 1 - 1e-3 - f.share) for f in self.figures), self.cost
 
 
 @final
@@ -148,7 +150,7 @@ class _Search:
     program: Problem
 
     def best(self, starts: list[list[float]]) -> _Candidate:
-        """The best candidate over all starts, its regions adjusted until the exact margins are as wished."""
+        """The best stable candidate over all starts, its regions adjusted until the exact margins are as wished."""
         margins = [goal for goal in self.wishes.goals if isinstance(goal, MarginGoal)]
         ones = [1.0] * len(margins)
         found = sorted((solve(self.program, start, ones) for start in starts), key=_price)
@@ -156,7 +158,7 @@ class _Search:
         for solution in found:
             if all(np.max(np.abs(solution.values - other.values)) > 1e-4 * self._span for other, _ in seen):
                 seen.append((solution, self.judged(solution)))
-            if seen[-1][1].rank[0] == 0 and not margins:
+            if seen[-1][1].stable:
                 break
         solution, candidate = min(seen, key=lambda pair: pair[1].rank)
         return self._adjusted(solution, candidate, margins) if margins else candidate
@@ -166,15 +168,22 @@ class _Search:
         return float(np.min(self.program.high - self.program.low))
 
     def judged(self, solution: Solution) -> _Candidate:
-        """The values with the exact figure of every goal."""
+        """The values with the exact figure of every goal at the ends of its ranges."""
         values = dict(zip(self.wishes.vary, solution.values.tolist(), strict=True))
-        return _Candidate(values, figures(self.bench, self.wishes, values), solution.cost)
+        found = figures(self.bench, self.wishes, values, points=2)
+        stable = self.bench.margins({**self.bench.nominal, **values}).stable
+        return _Candidate(values, found, solution.cost, stable)
 
     def _adjusted(self, solution: Solution, best: _Candidate, margins: list[MarginGoal]) -> _Candidate:
-        tighter, current = [1.0] * len(margins), best
+        """The best of some rounds with enlarged or shrunk regions."""
+        tighter, too_much, current = [1.0] * len(margins), [math.inf] * len(margins), best
         for _ in range(_ROUNDS):
-            new = [self._next(goal, t, solution, current) for goal, t in zip(margins, tighter, strict=True)]
-            if max(abs(a / b - 1) for a, b in zip(new, tighter, strict=True)) < 1e-3:
+            places = [self.program.bounded.index(goal) for goal in margins]
+            shares = [current.figures[self.wishes.goals.index(goal)].share for goal in margins]
+            reach = [_Reach(share, solution.slack[i], solution.nearest[i]) for share, i in zip(shares, places, strict=True)]
+            too_much = [min(m, t) if r.beyond else m for m, t, r in zip(too_much, tighter, reach, strict=True)]
+            new = [r.next(t, m) for r, t, m in zip(reach, tighter, too_much, strict=True)]
+            if max(abs(a / b - 1) for a, b in zip(new, tighter, strict=True)) < 5e-3:
                 break
             tighter = new
             solution = solve(self.program, solution.values.tolist(), tighter)
@@ -182,14 +191,29 @@ class _Search:
             best = min(best, current, key=lambda c: c.rank)
         return best
 
-    def _next(self, goal: MarginGoal, tighter: float, solution: Solution, at: _Candidate) -> float:
-        """The enlargement that would bring the exact margin to what is wished; unchanged where it cannot or need not."""
-        i = self.program.bounded.index(goal)
-        share = at.figures[self.wishes.goals.index(goal)].share
-        idle = share >= 1 and solution.nearest[i] > 1e-4
-        if idle or solution.slack[i] > 1e-4 or share <= 0:
+
+@final
+@dataclass(frozen=True)
+class _Reach:
+    """How a margin goal stands after a run: share of the wish reached, slack used, smallest constraint."""
+
+    share: float
+    slack: float
+    nearest: float
+
+    @property
+    def beyond(self) -> bool:
+        """Whether the region was larger than can be kept clear."""
+        return self.slack > 1e-4
+
+    def next(self, tighter: float, too_much: float) -> float:
+        """The enlargement to try next: what brings the exact margin to the wish, or else as near as can be reached."""
+        if self.beyond:
+            return tighter * float(np.clip(self.share, 0.3, 0.95))
+        if self.share >= 1 and self.nearest > 1e-4:
             return tighter
-        return float(np.clip(tighter * np.clip(1 / share, 0.7, 1.4), 0.2, 5.0))
+        wanted = tighter * float(np.clip(1 / max(self.share, 1e-3), 0.7, 1.4))
+        return min(wanted, math.sqrt(tighter * too_much))
 
 
 def _price(solution: Solution) -> float:
@@ -202,16 +226,17 @@ def _tuned(search: _Search, now: dict[str, float], before: tuple[Figure, ...], b
         path: TunedValue(value, now[path], min(abs(value - low), abs(value - high)) < 1e-4 * (high - low))
         for (path, value), (low, high) in zip(best.values.items(), wishes.vary.values(), strict=True)
     }
-    goals = outcomes(wishes.goals, before, best.figures)
-    after = bench.margins({**bench.nominal, **best.values})
+    reached = figures(bench, wishes, best.values)
+    goals = outcomes(wishes.goals, before, reached)
     flying = bench.flight_margins({**bench.nominal, **best.values})
+    after = bench.margins({**bench.nominal, **best.values})
     optimistic = after.stable and flying.stable and _more_margin(after, flying)
-    costs = tuple(_cost(wishes, values, figures) for figures in (best.figures, before))
+    costs = (_cost(wishes, values, reached), _cost(wishes, {}, before))
     words = _message(values, goals, after.stable, optimistic)
-    return Tuned(values, goals, costs[0], costs[1] if costs else math.nan, after.stable, optimistic, words)
+    return Tuned(values, goals, *costs, after.stable, optimistic, words)
 
 
-def _more_margin(bench: object, flight: object) -> bool:
+def _more_margin(bench: Margins, flight: Margins) -> bool:
     """Whether the bench shows over 2 % more gain or phase margin than the loop that flies."""
     for name in ("gain_margin", "phase_margin"):
         one, other = getattr(bench, name), getattr(flight, name)
@@ -229,7 +254,7 @@ def _cost(wishes: Wishes, values: Mapping[str, TunedValue], found: Sequence[Figu
     if errors:
         return float(sum(errors))
     return float(
-        sum(((values[p].value - values[p].was) / (high - low)) ** 2 for p, (low, high) in wishes.vary.items())
+        sum(((v.value - v.was) / (wishes.vary[p][1] - wishes.vary[p][0])) ** 2 for p, v in values.items())
     )
 
 

@@ -1,0 +1,103 @@
+"""The [parameters] of a design: numbers, quantities in SI and formulas of each other, in any order."""
+
+import math
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field
+from graphlib import CycleError, TopologicalSorter
+from typing import Any, final
+
+import numpy as np
+
+from delaytools.blocks.block import Scalar
+from delaytools.design.dimension import NONE, Powers, dimension_of
+from delaytools.design.faults import Faults
+from delaytools.signals.expression import Expression, check_name
+from delaytools.signals.trouble import DesignError, shown
+from delaytools.signals.units import quantity, unit
+
+__all__ = ["Parameters", "check_names", "parameter", "read_parameters"]
+
+
+@final
+@dataclass(frozen=True)
+class Parameters:
+    """What values may be formulas of: name -> number or formula, and the dimension of each (missing: none)."""
+
+    values: Mapping[str, Scalar] = field(default_factory=dict)
+    dimensions: Mapping[str, Powers] = field(default_factory=dict)
+
+
+def parameter(raw: Any, known: Collection[str]) -> Scalar:
+    """A number: bare, a quantity in SI, or a formula of the names `known`."""
+    if isinstance(raw, bool) or not isinstance(raw, int | float | str):
+        raise DesignError("a number is wanted here", found=shown(raw), advice='write 0.5, "5 ms" or a formula')
+    if isinstance(raw, int | float):
+        if math.isnan(raw):
+            raise DesignError("this is not a number", found="nan", advice="give a number")
+        return float(raw)
+    if (parts := quantity(raw)) is not None:
+        return parts[0] * unit(parts[1]).scale
+    formula = Expression(raw)
+    check_names(formula, known)
+    return formula
+
+
+def check_names(formula: Expression, known: Collection[str]) -> None:
+    """Raises DesignError for a name in a value that is no parameter."""
+    for name in formula.names:
+        if name not in known:
+            raise DesignError(
+                "unknown name in a value",
+                found=repr(name),
+                known=sorted(known),
+                advice="a value is a number, a quantity with its unit, or a formula of [parameters]",
+            )
+
+
+def read_parameters(raw: Mapping[str, Any], faults: Faults) -> Parameters:
+    """The table [parameters]; what is wrong in it goes to `faults`."""
+    values: dict[str, Scalar] = {}
+    before = len(faults.found)
+    for name, item in raw.items():
+        with faults.at(f"parameters.{name}"):
+            check_name(name, "parameter")
+            values[name] = parameter(item, raw)
+    if len(faults.found) > before:
+        return Parameters(values)
+    dimensions: dict[str, Powers] = {}
+    with faults.at("parameters"):
+        numbers: dict[str, float] = {}
+        for name in _order(values):
+            item = values[name]
+            if isinstance(item, Expression):
+                numbers[name] = _finite(name, item, numbers)
+                dimensions[name] = dimension_of(item, dimensions)
+            else:
+                numbers[name] = item
+                parts = quantity(raw[name]) if isinstance(raw[name], str) else None
+                dimensions[name] = unit(parts[1]).powers if parts else NONE
+    return Parameters(values, dimensions)
+
+
+def _order(values: Mapping[str, Scalar]) -> tuple[str, ...]:
+    graph = {name: v.names if isinstance(v, Expression) else () for name, v in values.items()}
+    try:
+        return tuple(TopologicalSorter(graph).static_order())
+    except CycleError as error:
+        circle = " -> ".join(reversed(error.args[1]))
+        raise DesignError(
+            "parameters that depend on each other in a circle",
+            found=circle,
+            advice="give one of them as a number",
+        ) from error
+
+
+def _finite(name: str, formula: Expression, numbers: Mapping[str, float]) -> float:
+    try:
+        with np.errstate(all="ignore"):
+            found = float(formula.evaluate(numbers))
+    except DesignError as error:
+        raise error.at(name) from error
+    if not math.isfinite(found):
+        raise DesignError("a formula without a finite value", where=name, found=shown(formula.text))
+    return found
