@@ -17,7 +17,6 @@ from delaytools.loop.edit import remove
 from delaytools.loop.loop import Element, Loop
 from delaytools.loop.network import network
 from delaytools.loop.values import resolve
-from delaytools.signals.expression import check_name
 from delaytools.signals.trouble import DelaytoolsError, DesignError, shown
 from delaytools.signals.units import unit
 
@@ -37,8 +36,7 @@ def build(design: Design, configuration: str | None = None) -> Loop:
     faults.settle()
     elements = _elements(data, units, parameters, faults)
     loop = Loop(tuple(elements), parameters.values, units, frame, design.title)
-    whole = not faults.found
-    check_connections(loop, data, faults, whole=whole)
+    check_connections(loop, data, faults, whole=not faults.found)
     loop = _with_effects(loop, data, parameters, effect_places(design, configuration), faults)
     faults.settle()
     with faults.at(""):
@@ -50,7 +48,6 @@ def build(design: Design, configuration: str | None = None) -> Loop:
 def _units(data: Mapping[str, Any], faults: Faults) -> dict[str, str]:
     for name, symbol in data.get("signals", {}).items():
         with faults.at(f"signals.{name}"):
-            check_name(name, "signal")
             unit(symbol)
     return dict(data.get("signals", {}))
 

@@ -64,19 +64,28 @@ def read_parameters(raw: Mapping[str, Any], faults: Faults) -> Parameters:
             values[name] = parameter(item, raw)
     if len(faults.found) > before:
         return Parameters(values)
-    dimensions: dict[str, Powers] = {}
     with faults.at("parameters"):
-        numbers: dict[str, float] = {}
-        for name in _order(values):
-            item = values[name]
+        return Parameters(values, _dimensions(raw, values, faults))
+    return Parameters(values)
+
+
+def _dimensions(
+    raw: Mapping[str, Any], values: Mapping[str, Scalar], faults: Faults
+) -> dict[str, Powers]:
+    """The dimension of every parameter; every formula has a finite value, or it is a fault."""
+    found: dict[str, Powers] = {}
+    numbers: dict[str, float] = {}
+    for name in _order(values):
+        item = values[name]
+        with faults.at(f"parameters.{name}"):
             if isinstance(item, Expression):
-                numbers[name] = _finite(name, item, numbers)
-                dimensions[name] = dimension_of(item, dimensions)
+                found[name], numbers[name] = NONE, math.nan
+                found[name] = dimension_of(item, found)
+                numbers[name] = _finite(item, numbers)
             else:
-                numbers[name] = item
                 parts = quantity(raw[name]) if isinstance(raw[name], str) else None
-                dimensions[name] = unit(parts[1]).powers if parts else NONE
-    return Parameters(values, dimensions)
+                found[name], numbers[name] = unit(parts[1]).powers if parts else NONE, item
+    return found
 
 
 def _order(values: Mapping[str, Scalar]) -> tuple[str, ...]:
@@ -92,12 +101,9 @@ def _order(values: Mapping[str, Scalar]) -> tuple[str, ...]:
         ) from error
 
 
-def _finite(name: str, formula: Expression, numbers: Mapping[str, float]) -> float:
-    try:
-        with np.errstate(all="ignore"):
-            found = float(formula.evaluate(numbers))
-    except DesignError as error:
-        raise error.at(name) from error
-    if not math.isfinite(found):
-        raise DesignError("a formula without a finite value", where=name, found=shown(formula.text))
+def _finite(formula: Expression, numbers: Mapping[str, float]) -> float:
+    with np.errstate(all="ignore"):
+        found = float(formula.evaluate(numbers))
+    if not math.isfinite(found) and all(math.isfinite(numbers[name]) for name in formula.names):
+        raise DesignError("a formula without a finite value", found=shown(formula.text))
     return found

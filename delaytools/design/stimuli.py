@@ -8,20 +8,25 @@ from delaytools.loop.loop import Loop
 from delaytools.loop.values import parameter_values
 from delaytools.signals.stimulus import Stimulus
 
-__all__ = ["design_stimuli"]
+__all__ = ["design_stimuli", "read_stimuli"]
 
 
 def design_stimuli(design: Design, loop: Loop, *, seed: int = 1) -> dict[str, Stimulus]:
     """External input -> stimulus, for the inputs that the design drives; raises DesignError naming every fault."""
-    found: dict[str, Stimulus] = {}
     faults = Faults(design.name)
+    found = read_stimuli(design, loop, faults, seed=seed)
+    faults.settle()
+    return found
+
+
+def read_stimuli(design: Design, loop: Loop, faults: Faults, *, seed: int = 1) -> dict[str, Stimulus]:
+    """The stimuli of [inputs]; what is wrong in the table goes to `faults`."""
+    found: dict[str, Stimulus] = {}
     dimensions = read_parameters(design.data.get("parameters", {}), faults).dimensions
     values = {name: float(item) for name, item in parameter_values(loop, {}).items()}
     for number, (name, table) in enumerate(design.tables.inputs.items()):
         with faults.at(f"inputs.{name}"):
-            setting = Setting(
-                loop.units.get(name, ""), loop.frame, seed + number, Parameters(values, dimensions)
-            )
+            named = Parameters(values, dimensions)
+            setting = Setting(loop.units.get(name, ""), loop.frame, seed + number, named)
             found[name] = stimulus(table, setting)
-    faults.settle()
     return found

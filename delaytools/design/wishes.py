@@ -4,17 +4,18 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+from delaytools.blocks.block import specifications
 from delaytools.design.configurations import configured
 from delaytools.design.design import Design
 from delaytools.design.entries import check_type
 from delaytools.design.faults import Faults
-from delaytools.design.stimuli import design_stimuli
-from delaytools.design.values import number
+from delaytools.design.stimuli import read_stimuli
+from delaytools.design.values import Units, number
 from delaytools.loop.loop import Loop
 from delaytools.loop.port import find_port
 from delaytools.loop.values import value_paths
-from delaytools.signals.trouble import DesignError, nearest, shown
-from delaytools.signals.units import quantity, unit
+from delaytools.signals.trouble import DesignError, UnitError, nearest, shown
+from delaytools.signals.units import Unit, quantity, same_dimension, unit
 
 __all__ = ["check_paths", "warnings"]
 
@@ -50,16 +51,14 @@ def check_paths(design: Design, loop: Loop) -> None:
     for path, raw in design.tables.tolerance.items():
         with faults.at(f'tolerance."{path}"'):
             _known_path(path, paths)
-            _check_tolerance(raw)
+            _check_tolerance(raw, _unit_at(loop, path))
     for name in design.tables.inputs:
         with faults.at(f"inputs.{name}"):
             if name not in loop.externals:
                 raise DesignError(
                     "not an external input", found=repr(name), known=loop.externals, advice=_why_not(loop, name)
                 )
-    if not faults.found:
-        with faults.at(""):
-            design_stimuli(design, loop)
+    read_stimuli(design, loop, faults)
     _check_analysis(design, loop, faults)
     _check_simulation(design, faults)
     _check_tuning(design, paths, faults)
@@ -79,11 +78,24 @@ def _known_path(path: str, paths: Mapping[str, float]) -> None:
         raise DesignError("no such value in the design", found=repr(path), known=sorted(bare))
 
 
-def _check_tolerance(raw: Any) -> None:
+def _unit_at(loop: Loop, path: str) -> Unit | None:
+    """The unit in which a block's value is held (None: not known)."""
+    name, _, value = path.partition(".")
+    element = next((e for e in loop.elements if e.path == name), None)
+    spec = specifications(element.block).get(value.partition("[")[0]) if element else None
+    if element is None or spec is None:
+        return None
+    return Units(loop.units.get(next(iter(element.outputs.values())), "")).resolve(spec.unit)
+
+
+def _check_tolerance(raw: Any, held_in: Unit | None) -> None:
     parts = quantity(raw) if isinstance(raw, str) else (float(raw), "")
     if parts is None:
         raise DesignError("a tolerance is a number or a quantity", found=shown(raw), advice='write "6 %"')
-    unit(parts[1])
+    given = unit(parts[1])
+    if any(given.powers) and held_in is not None and not same_dimension(given, held_in):
+        wanted = f'write "6 %", or give it in {held_in.symbol}' if held_in.symbol else 'write "6 %"'
+        raise UnitError("wrong dimension", found=shown(raw), advice=wanted)
     if not (parts[0] > 0 and math.isfinite(parts[0])):
         raise DesignError("a tolerance is above 0", found=shown(raw), advice="leave out what is known exactly")
 

@@ -6,6 +6,7 @@ from typing import final
 from delaytools.blocks.block import Scalar, flat_values, with_values
 from delaytools.effects.effect import Effect, Knowledge, Place
 from delaytools.loop.loop import Loop
+from delaytools.signals.expression import signal_expression
 from delaytools.signals.trouble import DesignError
 
 __all__ = ["ParameterChange"]
@@ -16,7 +17,7 @@ __all__ = ["ParameterChange"]
 class ParameterChange(Effect):
     """The block's value `name` (`damping`, `denominator[1]`) is `new`; None leaves it as it is.
 
-    After it is applied the value stands where it always stood, at `BLOCK.name`. Raises DesignError, listing the
+    The new value stands at `effects.N.name`; the block's own reads it. Raises DesignError, listing the
     block's values, for a name that the block has not.
     """
 
@@ -48,4 +49,7 @@ class ParameterChange(Effect):
             )
         if self.new is None:
             return loop
-        return loop.replaced(replace(element, block=with_values(element.block, {self.name: self.new})))
+        path = f"{place.path}.{self.name}"
+        changed = with_values(element.block, {self.name: signal_expression(path)})
+        named = replace(loop, parameters={**loop.parameters, path: self.new})
+        return named.replaced(replace(element, block=changed))

@@ -257,6 +257,9 @@ def _keeps(element: Element, loop: Loop, held: set[str]) -> bool:
         case Transport():
             first = element.inputs[element.block.inputs[0]]
             return {n for n in first.names if n not in loop.parameters} <= held
+        case Follower() as block:
+            memory, u, elapsed = (ca.SX.sym(name) for name in ("memory", "u", "elapsed"))
+            return names <= held and not ca.depends_on(ca.SX(block.follow(memory, u, elapsed)), elapsed)
         case Continuous(states=(), inputs=inputs) as block if inputs and names <= held:
             t = ca.SX.sym("t")
             u = [ca.SX.sym(name) for name in inputs]

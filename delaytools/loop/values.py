@@ -16,14 +16,19 @@ __all__ = ["parameter_values", "resolve", "value_paths"]
 
 def value_paths(loop: Loop) -> dict[str, float]:
     """Every number that can be moved, by path (`parameters.kp`, `actuator.damping`, `effects.0.delay`)."""
-    found = {f"parameters.{name}": float(v) for name, v in parameter_values(loop, {}).items()}
-    for element in resolve(loop).elements:
-        for name, item in flat_values(element.block).items():
-            found[f"{element.path}.{name}"] = float(item)
-        for placed in element.modifiers:
-            for name, item in flat_values(placed.modifier).items():
-                found[f"{placed.path}.{name}"] = float(item)
+    named = parameter_values(loop, {})
+    found = {parameter_path(name): float(number) for name, number in named.items()}
+    for element in loop.elements:
+        homes = [(element.path, element.block), *((p.path, p.modifier) for p in element.modifiers)]
+        for path, home in homes:
+            for name, raw in flat_values(home).items():
+                found[f"{path}.{name}"] = float(raw.evaluate(named, CASADI) if isinstance(raw, Expression) else raw)
     return found
+
+
+def parameter_path(name: str) -> str:
+    """The path of a named number; one that an effect brought keeps the effect's own path (`effects.0.damping`)."""
+    return name if "." in name else f"parameters.{name}"
 
 
 def parameter_values(loop: Loop, free: Mapping[str, Scalar]) -> dict[str, Scalar]:
@@ -31,8 +36,8 @@ def parameter_values(loop: Loop, free: Mapping[str, Scalar]) -> dict[str, Scalar
     done: dict[str, Scalar] = {}
     waiting = dict(loop.parameters)
     for name in list(waiting):
-        if f"parameters.{name}" in free:
-            done[name] = free[f"parameters.{name}"]
+        if parameter_path(name) in free:
+            done[name] = free[parameter_path(name)]
             del waiting[name]
     while waiting:
         ready = [n for n, v in waiting.items() if not isinstance(v, Expression) or set(v.names) <= set(done)]
@@ -59,7 +64,7 @@ def resolve(loop: Loop, free: Mapping[str, Scalar] | None = None) -> Loop:
     """
     free = free or {}
     named = parameter_values(loop, free)
-    used: set[str] = {f"parameters.{name}" for name in named}
+    used: set[str] = {parameter_path(name) for name in named}
     elements = tuple(_resolved(element, named, free, used) for element in loop.elements)
     unknown = sorted(set(free) - used)
     if unknown:

@@ -76,7 +76,7 @@ class Unit:
         powers = list(self.powers)
         powers[_TIME] -= times
         suffix = "/s" if times == 1 else f"/s^{times}"
-        return Unit(self.symbol + suffix, self.scale, tuple(powers))
+        return Unit((self.symbol or "1") + suffix, self.scale, tuple(powers))
 
 
 def unit(symbol: str) -> Unit:

@@ -16,7 +16,7 @@ from delaytools.simulation.repeating import repeating_call
 from delaytools.simulation.timing import timing_of
 from delaytools.simulation.unroll import Call
 
-__all__ = ["Compiled", "compile_loop", "run"]
+__all__ = ["Compiled", "compile_loop", "initial_state", "mapped_rows", "prepared_data", "run", "trimmed"]
 
 Array = NDArray[np.float64]
 ROWS_PER_CHUNK = 1000
@@ -77,18 +77,25 @@ def _column(model: Physics, name: str, stimuli: Mapping[str, Stimulus]) -> tuple
 
 def run(compiled: Compiled, values: tuple[float, ...] = ()) -> tuple[Array, Array]:
     """(frames + 1,) s and (frames + 1, signals): the rows of the run, for the values of the free paths."""
-    call = compiled.call
+    state = np.asarray(initial_state(compiled, values)).ravel()
+    driven = prepared_data(compiled), np.asarray(values, dtype=float)
+    rows = mapped_rows(compiled.call, compiled.call.function, state, driven)
+    table = rows.reshape(-1, len(compiled.model.layout.signals))
+    return compiled.frame * np.arange(compiled.frames + 1), trimmed(compiled, table)
+
+
+def prepared_data(compiled: Compiled) -> Array:
+    """(calls, width): what every call takes besides its state."""
     calls, starts, lengths = _spans(compiled)
     data = _external_data(compiled, starts, lengths, calls)
-    if call.data is not None:
-        data = np.hstack([data, call.data[:calls]])
-    state = np.asarray(initial_state(compiled, values)).ravel()
-    rows = _mapped(call, state, data, np.asarray(values, dtype=float))
-    signals = len(compiled.model.layout.signals)
-    table = rows.reshape(-1, signals)
-    if call.copies == 0:
-        table = table[: len(call.grid.row)][call.grid.row]
-    return compiled.frame * np.arange(compiled.frames + 1), table[: compiled.frames + 1]
+    return data if compiled.call.data is None else np.hstack([data, compiled.call.data[:calls]])
+
+
+def trimmed(compiled: Compiled, table: Array) -> Array:
+    """The rows at the frames of the run, of all that the calls gave."""
+    if compiled.call.copies == 0:
+        table = table[: len(compiled.call.grid.row)][compiled.call.grid.row]
+    return table[: compiled.frames + 1]
 
 
 def _spans(compiled: Compiled) -> tuple[int, Array, Array]:
@@ -138,10 +145,12 @@ def _at(compiled: Compiled, name: str, t: Array, shift: float) -> Array:
     return np.asarray(stimulus.value(t + jumpy), dtype=float)
 
 
-def _mapped(call: Call, state: Array, data: Array, p: Array) -> Array:
+def mapped_rows(call: Call, function: ca.Function, state: Array, driven: tuple[Array, Array]) -> Array:
+    """(calls, numbers per call) what `function` gives call after call; driven: (data per call, free values)."""
+    data, p = driven
     most = ROWS_PER_CHUNK if call.copies else ROWS_PER_DATA_CHUNK
     chunk = max(1, min(len(data), most // call.rows))
-    mapped = call.function.mapaccum(chunk)
+    mapped = function.mapaccum(chunk)
     spread = np.tile(p[:, None], (1, chunk))
     found = []
     for first in range(0, len(data), chunk):

@@ -100,14 +100,14 @@ def _events(timing: Timing, source: str, start: float, end: float) -> Array:
 
 
 def _arrive(times: Array, delay: Callable[[Array], Array], end: float) -> Array:
-    """Solutions t of t - τ(t) = times, by fixed-point iteration (it contracts because τ' < 1)."""
+    """Solutions t of t - τ(t) = times, by fixed-point iteration; none where τ' >= 1, which has no one answer."""
     found = times + delay(times)
     for _ in range(60):
-        new = times + delay(found)
-        if np.max(np.abs(new - found), initial=0.0) < 1e-14:
+        last, found = found, times + delay(found)
+        if np.max(np.abs(found - last), initial=0.0) < 1e-14:
             break
-        found = new
-    return found[found <= end]
+    settled = np.abs(found - last) < 1e-12 if len(times) else np.zeros(0, dtype=bool)
+    return found[settled & (found <= end)]
 
 
 def boundaries(timing: Timing, end: float) -> tuple[Array, Array]:

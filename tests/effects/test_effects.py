@@ -140,6 +140,7 @@ def test_errors_say_what_to_do() -> None:
 
 def test_a_changed_parameter_is_another_block() -> None:
     slower = placed(servo(), ParameterChange(name="natural_frequency", new=30.0), "actuator")
-    assert slower["actuator"].block.natural_frequency == 30.0
+    assert resolve(slower)["actuator"].block.natural_frequency == 30.0
+    assert value_paths(slower)["effects.0.natural_frequency"] == 30.0
     draggier = placed(servo(), ParameterChange(name="denominator[1]", new=3.0), "plant")
-    assert draggier["plant"].block.denominator == (1.0, 3.0)
+    assert resolve(draggier)["plant"].block.denominator == (1.0, 3.0)
