@@ -50,3 +50,6 @@ def write_json(answer: Mapping[str, Any], target: str) -> None:
         part.replace(path)
     except OSError as error:
         raise DelaytoolsError(f"cannot be written: {error.strerror}", where=target) from error
+    finally:
+        if part.is_file():
+            part.unlink()

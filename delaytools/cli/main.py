@@ -1,12 +1,14 @@
 """The command line: each command reads, calls one function of the Python API, and writes."""
 
+import os
 import sys
+from collections.abc import Callable
 from typing import Annotated, Any
 
 import typer
 
 from delaytools.cli.answers import write_json
-from delaytools.cli.reading import delay_range, gain_range, load, log_columns, seconds
+from delaytools.cli.reading import check_delay_port, delay_range, gain_range, load, log_columns, seconds
 from delaytools.signals.trouble import DelaytoolsError
 
 __all__ = ["app", "run"]
@@ -42,14 +44,23 @@ def _warn(messages: tuple[str, ...]) -> None:
 
 
 def _opened_at(design: Any, loop: Any, at: str | None, delay_at: str | None) -> tuple[str, str | None]:
-    at = at or design.tables.analysis.at
+    known = [name for name in loop.signals if name in loop.writers]
+    asked, at = at, at or design.tables.analysis.at
     if at is None:
-        known = [name for name in loop.signals if name in loop.writers]
         raise DelaytoolsError(
             "at which signal is the loop opened?",
             known=known,
             advice="give --at SIGNAL, or [analysis] at in the design",
         )
+    if asked is not None and asked not in loop.writers:
+        raise DelaytoolsError(
+            "the loop can be opened where a block writes a signal",
+            where=f"{design.name}: --at",
+            found=repr(asked),
+            known=known,
+        )
+    if delay_at is not None:
+        check_delay_port(design, loop, delay_at)
     return at, delay_at or design.tables.analysis.delay_at
 
 
@@ -186,12 +197,103 @@ def simulate(
         write_json({"signals": answer.figures} | rest, json)
 
 
+@app.command()
+def tune(
+    design: DesignPath,
+    configuration: Configuration = None,
+    at: At = None,
+    delay_at: DelayAt = None,
+    json: Json = None,
+    out: Annotated[str | None, typer.Option("--out", metavar="FILE", help="Write the tuned design.")] = None,
+    gate: Annotated[bool, typer.Option("--gate", help="Exit 1 where a goal is not met.")] = False,
+) -> None:
+    """Tune what [tuning] names, on the exact-delay loop, against the loop that flies."""
+    from delaytools.cli.words import tuned_lines
+    from delaytools.design.file import write_design
+    from delaytools.tuning.tune_design import tune_design
+    from delaytools.tuning.tuned_design import tuned_design
+
+    plan, loop, odd = load(design, configuration)
+    _warn(odd)
+    at, delay_at = _opened_at(plan, loop, at, delay_at)
+    configuration = configuration or plan.tables.tuning.configuration
+    answer = tune_design(plan, configuration, at=at, delay_at=delay_at)
+    if out is not None:
+        write_design(tuned_design(plan, configuration, answer), out)
+    if json != "-":
+        _say("\n".join(tuned_lines(answer)))
+    if json is not None:
+        rest = {name: getattr(answer, name) for name in answer.__dataclass_fields__ if name != "values"}
+        write_json({"tuned": answer.values} | rest, json)
+    if gate and not answer.met:
+        raise typer.Exit(1)
+
+
+@app.command()
+def fit(
+    log: Annotated[str, typer.Argument(metavar="LOG", help="Log file (CSV).")],
+    input: Annotated[str, typer.Option("--input", metavar="A", help="Signal that drives.")],
+    output: Annotated[str, typer.Option("--output", metavar="B", help="Signal that answers.")],
+    delay: Annotated[bool, typer.Option("--delay", help="Fit an equivalent delay too.")] = False,
+    json: Json = None,
+) -> None:
+    """Second-order low-order equivalent system between two signals of a log, with confidence limits."""
+    from delaytools.cli.words import fit_lines
+    from delaytools.estimation.low_order import fit as fit_record
+    from delaytools.measurement.log_file import read_log
+
+    answer = fit_record(read_log(log), input, output, delay=delay)
+    if json != "-":
+        _say("\n".join(fit_lines(answer)))
+    if json is not None:
+        names = [name for name in answer.__dataclass_fields__ if name != "estimate"]
+        write_json({name: getattr(answer, name) for name in names}, json)
+
+
+@app.command()
+def report(
+    design: DesignPath,
+    out: Annotated[str, typer.Option("--out", metavar="DIR", help="Where the report is written.")] = "reports",
+    tuning: Annotated[bool, typer.Option(help="Tune what [tuning] names first, and show it.")] = True,
+    json: Json = None,
+) -> None:
+    """The design report: one HTML page and a PDF."""
+    from delaytools.report.write import write_report
+    from delaytools.tuning.tune_design import tune_design
+    from delaytools.tuning.tuned_design import tuned_design
+
+    plan, _, odd = load(design)
+    _warn(odd)
+    say = _progress()
+    wishes = plan.tables.tuning
+    if tuning and wishes.goals and plan.tables.analysis.at is not None:
+        say("tuning")
+        at, delay_at = _opened_at(plan, None, None, None)
+        found = tune_design(plan, wishes.configuration, at=at, delay_at=delay_at)
+        plan = tuned_design(plan, wishes.configuration, found)
+    answer = write_report(plan, out, progress=say)
+    if json != "-":
+        _say("\n".join(answer.pages))
+    if json is not None:
+        write_json({"pages": list(answer.pages), "figures": list(answer.figures)}, json)
+
+
+def _progress() -> Callable[[str], None]:
+    """Says each step on a terminal, nothing when piped."""
+    if not sys.stderr.isatty():
+        return lambda step: None
+    return lambda step: _say(f"  {step}", quiet=True)
+
+
 def run() -> None:
     """The entry point: errors of the user's making become one message and exit status 2."""
+    code: Any = 0
     try:
-        app(standalone_mode=False)
+        code = app(standalone_mode=False)  # a typer.Exit comes back as its exit status
     except typer.Exit as end:
-        sys.exit(end.exit_code)
+        code = end.exit_code
+    except BrokenPipeError:  # the reader of our output has gone: nothing is left to say
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     except DelaytoolsError as error:
         _say(f"delaytools: {error}", quiet=True)
         sys.exit(2)
@@ -200,7 +302,23 @@ def run() -> None:
         sys.exit(130)
     except Exception as error:
         if hasattr(error, "format_message"):
-            _say(f"delaytools: {error.format_message()}", quiet=True)
+            _say(_usage(error), quiet=True)
             sys.exit(2)
-        raise
-    sys.exit(0)
+        if os.environ.get("DELAYTOOLS_TRACEBACK"):
+            raise
+        advice = "this is a fault of delaytools, not of the input; DELAYTOOLS_TRACEBACK=1 shows where it happened"
+        _say(f"delaytools: internal error: {type(error).__name__}: {error}; {advice}", quiet=True)
+        sys.exit(2)
+    if code == 130:
+        _say("delaytools: interrupted", quiet=True)
+    sys.exit(code if isinstance(code, int) else 0)
+
+
+def _usage(error: Any) -> str:
+    """What is wrong with the words of the command line, and where to read on."""
+    context = getattr(error, "ctx", None)
+    name = " ".join(["delaytools", *context.command_path.split()[1:]]) if context else "delaytools"
+    if context and context.parent is None or "-m" in name:
+        name = "delaytools"
+    words = error.format_message().rstrip(".") or "which command?"
+    return f"delaytools: {words}; see: {name} --help"

@@ -1,11 +1,12 @@
 """What the commands share: options as numbers, the design, its configuration, logs."""
 
+import math
 from typing import Any
 
 from delaytools.signals.trouble import DelaytoolsError
 from delaytools.signals.units import convert, quantity
 
-__all__ = ["delay_range", "gain_range", "load", "log_columns", "seconds"]
+__all__ = ["check_delay_port", "delay_range", "gain_range", "load", "log_columns", "seconds"]
 
 
 def seconds(text: str, option: str) -> float:
@@ -14,6 +15,10 @@ def seconds(text: str, option: str) -> float:
     if parts is None:
         raise DelaytoolsError("not a time", where=option, found=repr(text), advice="write 15ms or 0.015")
     number, unit = parts
+    if not math.isfinite(number):
+        raise DelaytoolsError(
+            "not a finite time", where=option, found=repr(text), advice="write 15ms or 0.015"
+        )
     try:
         return convert(number, unit or "s", "s")
     except DelaytoolsError as error:
@@ -36,11 +41,14 @@ def gain_range(text: str | None) -> list[float] | None:
 
 def _number(text: str, option: str) -> float:
     try:
-        return float(text)
+        found = float(text)
     except ValueError as error:
         raise DelaytoolsError(
             "not a number", where=option, found=repr(text), advice="write 0.5:2:100"
         ) from error
+    if not math.isfinite(found):
+        raise DelaytoolsError("not a finite number", where=option, found=repr(text), advice="write 0.5:2:100")
+    return found
 
 
 def _range(text: str, option: str, read: Any) -> list[float]:
@@ -78,3 +86,20 @@ def log_columns(design: Any, loop: Any) -> Any:
     table = design.tables.log
     held = network(resolve(loop)).held_signals
     return Columns(table.time or "time", dict(table.columns), dict(loop.units), held)
+
+
+def check_delay_port(design: Any, loop: Any, text: str) -> None:
+    """Raises DelaytoolsError where --delay-at names no input or output of a block."""
+    from delaytools.loop.port import find_port
+
+    try:
+        port = find_port(loop, text)
+    except DelaytoolsError as error:
+        raise error.at(f"{design.name}: --delay-at") from error
+    if port.kind not in ("input", "output"):
+        raise DelaytoolsError(
+            "an extra delay acts at an input or output",
+            where=f"{design.name}: --delay-at",
+            found=repr(text),
+            advice=f"write {port.element}.input",
+        )

@@ -24,13 +24,17 @@ def drive(design: Any, loop: Any, log: Any, duration: float | None, seed: int | 
     """The stimuli of a run: a log's columns first, then [inputs]; the rest is 0, and said."""
     from delaytools.design.stimuli import design_stimuli
     from delaytools.design.values import number
+    from delaytools.measurement.log_notes import log_notes
     from delaytools.signals.stimulus import Column
 
     table = design.tables.simulation
     chosen = table.seed if seed is None else seed
+    if chosen < 0:
+        raise DelaytoolsError("a seed is 0 or more", where="--seed", found=f"{chosen}")
     stimuli = dict(design_stimuli(design, loop, seed=chosen))
     notes = []
     if log is not None:
+        notes.extend(log_notes(log))
         for name in loop.externals:
             if name in log:
                 stimuli[name] = Column(time=log.time - log.time[0], values=log[name])

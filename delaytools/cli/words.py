@@ -3,7 +3,7 @@
 import math
 from typing import Any
 
-__all__ = ["margin_lines", "root_lines", "run_lines"]
+__all__ = ["fit_lines", "margin_lines", "root_lines", "run_lines", "tuned_lines"]
 
 
 def _number(value: float | None, scale: float = 1.0, form: str = "{:.4g}") -> str:
@@ -102,3 +102,23 @@ def run_lines(answer: Any) -> list[str]:
         f"{answer.seconds_simulated:g} s simulated, {answer.real_time_factor:.0f} times faster than real time"
     )
     return lines
+
+
+def tuned_lines(answer: Any) -> list[str]:
+    """Values after and before, then every goal in a sentence."""
+    rows = [
+        [path, _number(item.value, form="{:.6g}"), _number(item.was, form="{:.6g}"), "end of range" if item.at_boundary else ""]
+        for path, item in answer.values.items()
+    ]
+    verdict = [] if not answer.optimistic else ["the bench now shows more margin than the loop that flies: it is optimistic"]
+    return [*_table(["value", "tuned", "was", ""], rows), *(goal.words for goal in answer.goals), *verdict]
+
+
+def fit_lines(answer: Any) -> list[str]:
+    """The fitted system, its values with standard errors, and what it is not."""
+    names = ["natural_frequency", "damping", "gain", "delay"]
+    units = {"natural_frequency": "rad/s", "delay": "s"}
+    rows = [[n, _number(getattr(answer, n), form="{:.6g}"), _number(answer.std.get(n), form="{:.2g}"), units.get(n, "")] for n in names]
+    over = " ".join(f"{a:.6g}" for a in answer.denominator)
+    head = f"numerator {answer.numerator[0]:.6g}, denominator {over}"
+    return [head, *_table(["", "value", "std", "unit"], rows), answer.words]

@@ -76,7 +76,7 @@ def override(data: dict[str, Any], path: str, raw: Any) -> None:
     first, _, rest = path.partition(".")
     home = _home(data, first, rest, path)
     key = rest.partition(".")[2] if first == "effects" else rest
-    prefix = path[: len(path) - len(key)] if key else f"{path}."
+    prefix = path[: len(path) - len(key)] if key else f"{path.rstrip('.')}."
     match = _ELEMENT.match(key)
     assert match is not None
     name, places = match.group(1), [int(i) for i in re.findall(r"\d+", match.group(2))]

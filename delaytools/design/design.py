@@ -30,7 +30,9 @@ class Design:
         try:
             return tomllib.loads(self.text)
         except tomllib.TOMLDecodeError as error:
-            raise DesignError(f"not a TOML file: {error}", where=self.name, advice=_advice(self.text)) from error
+            raise DesignError(
+                f"not a TOML file: {error}", where=self.name, advice=_advice(self.text)
+            ) from error
 
     @cached_property
     def tables(self) -> DesignTable:

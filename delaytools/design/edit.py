@@ -16,7 +16,6 @@ __all__ = ["with_effect", "with_value", "without_effect"]
 
 _MARK = "\N{REPLACEMENT CHARACTER}here\N{REPLACEMENT CHARACTER}"
 _HEADER = re.compile(r"^\s*\[\[\s*[\"']?effects[\"']?\s*\]\]")
-_PLACE = re.compile(r"[^.\[\]]+(?=\.)|[^.\[\]]+|\d+")
 Keys = tuple[str | int, ...]
 
 
@@ -127,7 +126,8 @@ def _need_tables(design: Design) -> None:
 def _keys(design: Design, path: str) -> Keys:
     """The keys under which a path stands in the file."""
     first, _, rest = path.partition(".")
-    name, *places = [part for part in re.split(r"[\[\]]+", rest.rpartition(".")[2] if first == "effects" else rest) if part]
+    key = rest.partition(".")[2] if first == "effects" else rest
+    name, *places = [part for part in re.split(r"[\[\]]+", key) if part]
     inner: Keys = (name, *(int(place) for place in places))
     if first == "parameters":
         return ("parameters", *inner)
@@ -226,6 +226,9 @@ def _checked(design: Design, text: str, wanted: Mapping[str, Any]) -> Design:
     if new.data != wanted:
         odd = [key for key in {*new.data, *wanted} if new.data.get(key) != wanted.get(key)]
         raise DesignError(
-            "the text could not be edited safely", where=design.name, found=shown(odd), advice="edit it by hand"
+            "the text could not be edited safely",
+            where=design.name,
+            found=shown(odd),
+            advice="edit it by hand",
         )
     return new

@@ -51,7 +51,9 @@ def check_type(found: Any) -> None:
     names = [*sorted(EFFECTS), f"{PARAMETER_CHANGE}:NAME"]
     if kind == PARAMETER_CHANGE and not what:
         advice = f'write type = "{PARAMETER_CHANGE}:damping" for a value named damping'
-        raise DesignError("which value of the block changes?", where="type", found=shown(found), advice=advice)
+        raise DesignError(
+            "which value of the block changes?", where="type", found=shown(found), advice=advice
+        )
     if kind != PARAMETER_CHANGE and (kind not in EFFECTS or what):
         raise DesignError("unknown effect type", where="type", found=shown(found), known=names)
 

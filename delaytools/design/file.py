@@ -22,12 +22,20 @@ def read_design(path: str | Path) -> Design:
         ) from error
     except OSError as error:
         raise DesignError(f"cannot be read: {error.strerror}", where=str(path)) from error
+    if not text.strip():
+        raise DesignError("the file is empty", where=str(path), advice="a design has tables [blocks.NAME]")
     return parse_design(text, str(path))
 
 
 def write_design(design: Design, path: str | Path) -> None:
-    """Write the design's text, whole or not at all."""
+    """Write the design's text, whole or not at all; raises DesignError where the place cannot be written."""
     path = Path(path)
     part = path.with_name(path.name + ".part")
-    part.write_bytes(design.text.encode("utf-8"))
-    part.replace(path)
+    try:
+        part.write_bytes(design.text.encode("utf-8"))
+        part.replace(path)
+    except OSError as error:
+        raise DesignError(f"cannot be written: {error.strerror}", where=str(path)) from error
+    finally:
+        if part.is_file():
+            part.unlink()

@@ -30,7 +30,9 @@ class Parameters:
 def parameter(raw: Any, known: Collection[str]) -> Scalar:
     """A number: bare, a quantity in SI, or a formula of the names `known`."""
     if isinstance(raw, bool) or not isinstance(raw, int | float | str):
-        raise DesignError("a number is wanted here", found=shown(raw), advice='write 0.5, "5 ms" or a formula')
+        raise DesignError(
+            "a number is wanted here", found=shown(raw), advice='write 0.5, "5 ms" or a formula'
+        )
     if isinstance(raw, int | float):
         if math.isnan(raw):
             raise DesignError("this is not a number", found="nan", advice="give a number")
@@ -69,9 +71,7 @@ def read_parameters(raw: Mapping[str, Any], faults: Faults) -> Parameters:
     return Parameters(values)
 
 
-def _dimensions(
-    raw: Mapping[str, Any], values: Mapping[str, Scalar], faults: Faults
-) -> dict[str, Powers]:
+def _dimensions(raw: Mapping[str, Any], values: Mapping[str, Scalar], faults: Faults) -> dict[str, Powers]:
     """The dimension of every parameter; every formula has a finite value, or it is a fault."""
     found: dict[str, Powers] = {}
     numbers: dict[str, float] = {}

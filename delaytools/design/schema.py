@@ -73,6 +73,7 @@ class FlightTable(_Table):
 class TuningTable(_Table):
     """[tuning]: what may move, and what is wished."""
 
+    configuration: str | None = None
     vary: dict[str, list[Quantity]] = {}
     goals: list[dict[str, Any]] = []
 

@@ -12,7 +12,11 @@ __all__ = ["design_stimuli", "read_stimuli"]
 
 
 def design_stimuli(design: Design, loop: Loop, *, seed: int = 1) -> dict[str, Stimulus]:
-    """External input -> stimulus, for the inputs that the design drives; raises DesignError naming every fault."""
+    """External input -> stimulus, for the inputs that the design drives; raises DesignError naming every fault.
+
+    Entries for signals that are no external input of this loop are left out (an effect of a configuration may read
+    them).
+    """
     faults = Faults(design.name)
     found = read_stimuli(design, loop, faults, seed=seed)
     faults.settle()
@@ -25,6 +29,8 @@ def read_stimuli(design: Design, loop: Loop, faults: Faults, *, seed: int = 1) -
     dimensions = read_parameters(design.data.get("parameters", {}), faults).dimensions
     values = {name: float(item) for name, item in parameter_values(loop, {}).items()}
     for number, (name, table) in enumerate(design.tables.inputs.items()):
+        if name not in loop.externals:
+            continue
         with faults.at(f"inputs.{name}"):
             named = Parameters(values, dimensions)
             setting = Setting(loop.units.get(name, ""), loop.frame, seed + number, named)

@@ -77,7 +77,9 @@ def bounds_in_words(spec: Specification) -> str:
 def read_scalar(raw: Any, target: Unit | None, parameters: Parameters) -> Scalar:
     """A float in the unit `target` (None: not known, bare numbers only), or a formula of [parameters]."""
     if isinstance(raw, bool) or not isinstance(raw, int | float | str):
-        raise DesignError("a number is wanted here", found=shown(raw), advice='write 0.5, "5 ms" or a formula')
+        raise DesignError(
+            "a number is wanted here", found=shown(raw), advice='write 0.5, "5 ms" or a formula'
+        )
     if isinstance(raw, int | float):
         if math.isnan(raw):
             raise DesignError("this is not a number", found="nan", advice="give a number")

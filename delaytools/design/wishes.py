@@ -35,7 +35,9 @@ def warnings(design: Design, loop: Loop) -> tuple[str, ...]:
     for column, name in tables.log.columns.items():
         if name not in loop.signals and name not in tables.signals:
             hint = _hint(name, loop.signals)
-            found.append(f"{design.name}: log.columns.{column} names {name}, which is no signal of the loop{hint}")
+            found.append(
+                f"{design.name}: log.columns.{column} names {name}, which is no signal of the loop{hint}"
+            )
     return tuple(found)
 
 
@@ -52,11 +54,15 @@ def check_paths(design: Design, loop: Loop) -> None:
         with faults.at(f'tolerance."{path}"'):
             _known_path(path, paths)
             _check_tolerance(raw, _unit_at(loop, path))
+    sources = _sources(design)
     for name in design.tables.inputs:
         with faults.at(f"inputs.{name}"):
-            if name not in loop.externals:
+            if name not in loop.externals and (name in loop.writers or name not in sources):
                 raise DesignError(
-                    "not an external input", found=repr(name), known=loop.externals, advice=_why_not(loop, name)
+                    "not an external input",
+                    found=repr(name),
+                    known=loop.externals,
+                    advice=_why_not(loop, name),
                 )
     read_stimuli(design, loop, faults)
     _check_analysis(design, loop, faults)
@@ -64,6 +70,12 @@ def check_paths(design: Design, loop: Loop) -> None:
     _check_tuning(design, paths, faults)
     _check_configurations(design, loop, faults)
     faults.settle()
+
+
+def _sources(design: Design) -> set[str]:
+    """Signals that an effect of the design or of any configuration reads."""
+    tables = [*design.tables.effects, *(e for c in design.tables.configurations.values() for e in c.effects)]
+    return {raw for table in tables for raw in table.model_dump().values() if isinstance(raw, str)}
 
 
 def _why_not(loop: Loop, name: str) -> str:
@@ -97,7 +109,9 @@ def _check_tolerance(raw: Any, held_in: Unit | None) -> None:
         wanted = f'write "6 %", or give it in {held_in.symbol}' if held_in.symbol else 'write "6 %"'
         raise UnitError("wrong dimension", found=shown(raw), advice=wanted)
     if not (parts[0] > 0 and math.isfinite(parts[0])):
-        raise DesignError("a tolerance is above 0", found=shown(raw), advice="leave out what is known exactly")
+        raise DesignError(
+            "a tolerance is above 0", found=shown(raw), advice="leave out what is known exactly"
+        )
 
 
 def _check_analysis(design: Design, loop: Loop, faults: Faults) -> None:
@@ -142,7 +156,9 @@ def _check_tuning(design: Design, paths: Mapping[str, float], faults: Faults) ->
             _known_path(name, paths)
             ends = [_end(item) for item in raw]
             if len(ends) != 2 or not ends[0] < ends[1]:
-                raise DesignError("a range runs from a lower to a higher value", found=shown(raw), advice="write [0.1, 2.0]")
+                raise DesignError(
+                    "a range runs from a lower to a higher value", found=shown(raw), advice="write [0.1, 2.0]"
+                )
     for index, goal in enumerate(design.tables.tuning.goals):
         with faults.at(f"tuning.goals.{index}"):
             if not isinstance(goal.get("type"), str):

@@ -109,11 +109,10 @@ def effective_number(residuals: RealArray) -> float:
 
 
 def _scale(parameter: Parameter) -> float:
-    """What one unit of the scaled parameter is: the value, else the range, else 1."""
+    """What one unit of the scaled parameter is: the value, or a thousandth of the range, or 1."""
     span = parameter.high - parameter.low
-    if parameter.value != 0:
-        return abs(parameter.value)
-    return span if math.isfinite(span) and span > 0 else 1.0
+    found = max(abs(parameter.value), 1e-3 * span if math.isfinite(span) else 0.0)
+    return found if found > 0 else 1.0
 
 
 def _check(residuals: RealArray, count: int) -> None:
@@ -161,7 +160,7 @@ def _record(
         replace(p, value=float(np.clip(value, p.low, p.high)), std=float(s))
         for p, value, s in zip(start, x, std, strict=True)
     )
-    words = found.message.strip("`. ")
+    words = found.message.replace("`", "").strip(". ")
     if ends:
         words += f"; on a bound: {', '.join(ends)}"
     return Estimate(

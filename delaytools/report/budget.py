@@ -1,5 +1,6 @@
 """The delay budget: what each element on the way round costs, alone, and what is left."""
 
+import re
 from dataclasses import dataclass, replace
 from typing import final
 
@@ -121,7 +122,7 @@ def _entry(
         note = "beside another way round: not added"
     elif not like:
         note = "shapes the loop, is no delay at the crossover: not added"
-    kind = type(element.block).__name__
+    kind = re.sub(r"(?<!^)(?=[A-Z])", " ", type(element.block).__name__).lower()
     return BudgetEntry(name, kind, delay, phase, bench, series, series and like, note)
 
 

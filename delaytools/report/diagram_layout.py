@@ -116,11 +116,10 @@ def _size(part: Part) -> tuple[float, float, float]:
 @final
 @dataclass(frozen=True)
 class _Gap:
-    """A vertical channel: room for names at its left and right side, and its whole width."""
+    """A vertical channel: its width, and how far from its left side tracks begin (0: they stand in the middle)."""
 
-    left: float
-    right: float
     width: float
+    begin: float
 
 
 def _gaps(parts: tuple[Part, ...], grid: Grid, tracks: Tracks, written: set[str]) -> list[_Gap]:
@@ -134,14 +133,20 @@ def _gaps(parts: tuple[Part, ...], grid: Grid, tracks: Tracks, written: set[str]
         left, right = [0.0], [0.0]
         for part in parts:
             cell = grid.cells[part.name]
-            if cell.column + int(cell.forward) == channel:
+            if _leaves_into(cell, channel):
                 (left if cell.forward else right).extend(_label_width(s) for s in part.outputs)
             if channel == 0 and _at_left(cell):
                 left += [_label_width(e.signal) for e in _outside(part, written)]
         count = len(tracks.vertical.get(channel, ()))
-        names = max(*left, *right)
-        gaps.append(_Gap(max(left), max(right), max(names + 11.0, PITCH * (count - 1) + 20.0)))
+        names, room = max(*left, *right), PITCH * (count - 1) + 20.0
+        several = any(len(p.outputs) > 1 and _leaves_into(grid.cells[p.name], channel) for p in parts)
+        begin = names + 8.0 if several else 0.0
+        gaps.append(_Gap(begin + room if several else max(names + 11.0, room), begin))
     return gaps
+
+
+def _leaves_into(cell: Cell, channel: int) -> bool:
+    return cell.column + int(cell.forward) == channel
 
 
 def _label_width(signal: str) -> float:
@@ -298,8 +303,9 @@ def _channels(
     for channel, signals in tracks.vertical.items():
         gap, last = gaps[channel], channel == len(gaps) - 1
         edge = lefts[-1][0] if last else lefts[channel][0] - gap.width
-        start = edge + (gap.width - PITCH * (len(signals) - 1)) / 2
-        for i, signal in enumerate(signals):
+        middle = edge + (gap.width - PITCH * (len(signals) - 1)) / 2
+        start = edge + gap.begin if gap.begin else middle
+        for i, signal in enumerate(reversed(signals) if gap.begin else signals):
             found[channel, signal] = start + PITCH * i
     return found
 

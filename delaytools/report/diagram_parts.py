@@ -11,6 +11,7 @@ from delaytools.blocks.transfer_function import TransferFunction
 from delaytools.design.build import build
 from delaytools.design.design import Design
 from delaytools.design.elements import make_element
+from delaytools.design.parameters import Parameters
 from delaytools.loop.loop import Element, Loop
 from delaytools.loop.values import parameter_values, resolve
 from delaytools.signals.expression import Expression
@@ -61,7 +62,7 @@ def diagram_parts(design: Design) -> tuple[Part, ...]:
     removed = set(design.tables.flight.remove)
     found = []
     for name, table in design.data.get("blocks", {}).items():
-        element = make_element(name, table, units=design.tables.signals, parameters=loop.parameters)
+        element = make_element(name, table, units=design.tables.signals, parameters=Parameters(loop.parameters))
         words = _lines(element, [_numbers(item, name) for item in loops], loop.parameters)
         entries = _entries(element, loop)
         outputs = tuple(element.outputs.values())

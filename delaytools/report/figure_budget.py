@@ -6,14 +6,16 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from delaytools.report.budget import Budget, BudgetEntry
-from delaytools.report.style import BENCH, GREY, VEHICLE, axes_of, new_figure, title
+from delaytools.report.style import BENCH, GREY, VEHICLE, axes_of, in_style, new_figure, title
 
 __all__ = ["draw_budgets", "draw_waterfall"]
 
+_PLATE = {"boxstyle": "square,pad=0.12", "fc": "white", "ec": "none"}
 _VEHICLE = ("#08519c", "#3182bd", "#6baed6", "#9ecae1", "#084594", "#4292c6", "#c6dbef")
 _BENCH = ("#D55E00", "#f28e42", "#fdbe85", "#a63603", "#fdd0a2")
 
 
+@in_style
 def draw_budgets(budgets: tuple[Budget, ...], message: str) -> Figure:
     """One bar for each configuration: delay by element (bench hatched), then what the loop can still stand."""
     figure = new_figure(1.35 + 0.36 * len(budgets))
@@ -47,7 +49,7 @@ def _bar(panel: Axes, row: int, item: Budget, shades: dict[str, str], named: set
         if not entry.added or not entry.delay:
             continue
         width = entry.delay * 1e3
-        panel.barh(row, width, left=end, height=0.62, color=shades[entry.name], ec="white", lw=0.8,
+        panel.barh(row, width, left=end, height=0.62 if width > 0 else 0.2, color=shades[entry.name], ec="white", lw=0.8,
                    hatch="////" if entry.bench else None,
                    label="" if entry.name in named else _label(entry))  # fmt: skip
         named.add(entry.name)
@@ -62,7 +64,8 @@ def _label(entry: BudgetEntry) -> str:
 def _shades(budgets: tuple[Budget, ...]) -> dict[str, str]:
     found: dict[str, str] = {}
     for bench, ramp in ((False, _VEHICLE), (True, _BENCH)):
-        names = dict.fromkeys(e.name for b in budgets for e in b.entries if e.bench == bench and e.added and e.delay)
+        longest = sorted(budgets, key=lambda item: -len(item.entries))
+        names = dict.fromkeys(e.name for b in longest for e in b.entries if e.bench == bench and e.added and e.delay)
         found |= {name: ramp[i % len(ramp)] for i, name in enumerate(names)}
     return found
 
@@ -74,6 +77,7 @@ def _dress(panel: Axes, names: list[str], label: str) -> None:
     panel.set_xlabel(label)
 
 
+@in_style
 def draw_waterfall(item: Budget, message: str) -> Figure:
     """Element by element: delay (left) and phase at the crossover (right), each bar starting where the last ended."""
     shown = [e for e in item.entries if e.series and (e.delay or e.phase)]
@@ -108,9 +112,10 @@ def _steps(panel: Axes, shown: list[BudgetEntry], values: list[float | None], fo
         panel.barh(row, value, left=start, height=0.6, color=BENCH if entry.bench else VEHICLE,
                    hatch="////" if entry.bench else None, ec="white", lw=0.4)  # fmt: skip
         end = max(start, start + value, key=lambda x: x * turn)
-        panel.annotate(form.format(value), (end, row), (4, 0), textcoords="offset points", va="center", fontsize=7)
+        panel.annotate(form.format(value), (end, row), (4, 0), textcoords="offset points", va="center", fontsize=7,
+                       bbox=_PLATE, zorder=4)  # fmt: skip
         start += value
     panel.barh(len(shown), start, height=0.6, color=GREY)
     panel.annotate(form.format(start), (start, len(shown)), (4, 0), textcoords="offset points", va="center",
-                   fontsize=7.2, fontweight="bold")  # fmt: skip
+                   fontsize=7.2, fontweight="bold", bbox=_PLATE, zorder=4)  # fmt: skip
     panel.margins(x=0.2)

@@ -7,13 +7,14 @@ from matplotlib.figure import Figure
 from delaytools.analysis.margins import Margins
 from delaytools.report.compensation import Compensation
 from delaytools.report.figure_margins import decibels
-from delaytools.report.style import axes_of, new_figure, title
+from delaytools.report.style import axes_of, in_style, new_figure, title
 
 __all__ = ["draw_compensation"]
 
 _LOOK = (("before", "#9aa1ab"), ("after", "#0072B2"), ("in flight", "#1a1a1a"))
 
 
+@in_style
 def draw_compensation(items: tuple[Compensation, ...], message: str) -> Figure:
     """Groups of three bars; a margin above flight's is a margin that the vehicle does not have."""
     figure = new_figure(2.6)

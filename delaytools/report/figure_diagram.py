@@ -5,7 +5,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import FancyBboxPatch
 
 from delaytools.report.diagram_layout import LINE, NAME, PAD, SMALL, WIRE, Box, Diagram, Stub, entry_margin
-from delaytools.report.style import GREY, INK, new_figure
+from delaytools.report.style import GREY, INK, in_style, new_figure
 
 __all__ = ["draw_diagram"]
 
@@ -14,6 +14,7 @@ _WIRE = "#374151"
 _MARK = "#882255"
 
 
+@in_style
 def draw_diagram(diagram: Diagram) -> Figure:
     """Boxes (vehicle blue, bench equipment orange), wires with their signals, effects as tags at their ports."""
     foot = 16.0

@@ -7,13 +7,14 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from delaytools.report.locus import Locus
-from delaytools.report.style import GREY, axes_of, new_figure, title
+from delaytools.report.style import GREY, axes_of, in_style, new_figure, title
 
 __all__ = ["draw_locus"]
 
 _DAMPING = (0.1, 0.2, 0.3, 0.5, 0.7, 0.9)
 
 
+@in_style
 def draw_locus(locus: Locus, place: str, message: str) -> Figure:
     """Upper half plane in Hz on the imaginary axis; dots at the crossings, rings at the present delays."""
     figure = new_figure(4.3)

@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from delaytools.report.delay_curves import DelayCurve
-from delaytools.report.style import GREY, INK, axes_of, new_figure, styles, title
+from delaytools.report.style import GREY, INK, axes_of, in_style, new_figure, styles, title
 from delaytools.report.verdict import Verdict
 
 __all__ = ["decibels", "draw_curves", "draw_margins"]
@@ -27,6 +27,7 @@ def decibels(ratio: float | None) -> float | None:
     return None if not ratio else abs(20 * math.log10(ratio))
 
 
+@in_style
 def draw_margins(verdict: Verdict, message: str) -> Figure:
     """One row for each configuration, one panel for each margin: the bench as a dot, flight as a tick."""
     names = [row.name for row in verdict.rows]
@@ -66,6 +67,7 @@ def _margin_panel(panel: Axes, verdict: Verdict, get: object) -> None:
                        va="center", transform=panel.get_yaxis_transform())  # fmt: skip
 
 
+@in_style
 def draw_curves(curves: tuple[DelayCurve, ...], place: str, look: Mapping[str, str], message: str) -> Figure:
     """Gain, phase and delay margin against the delay at the place; beneath, where each family is stable."""
     figure = new_figure(6.6)
@@ -109,6 +111,9 @@ def _stable_bands(panel: Axes, curves: tuple[DelayCurve, ...], look: Mapping[str
             if high < curve.delays[-1]:
                 panel.annotate(f"{high * 1e3:.2f} ms", (high * 1e3, row), (4, 0), textcoords="offset points",
                                va="center", fontsize=7)  # fmt: skip
+        if not curve.stable:
+            panel.text(0.01, row, "stable nowhere here", color="#B00020", fontsize=7, va="center",
+                       transform=panel.get_yaxis_transform())  # fmt: skip
         for name, tau in curve.family.members:
             panel.plot(tau * 1e3, row, "o", color=look[name], mec="white", mew=0.7, ms=6, clip_on=False, zorder=3)
     panel.set_ylim(len(curves) - 0.5, -0.5)

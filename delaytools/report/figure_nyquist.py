@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
 from delaytools.report.nyquist import NyquistCurve
-from delaytools.report.style import FLIGHT, GREY, axes_of, new_figure, title
+from delaytools.report.style import FLIGHT, GREY, axes_of, in_style, new_figure, title
 
 __all__ = ["draw_nyquist"]
 
@@ -17,6 +17,7 @@ _MARKS = (0.1, 0.2, 0.5, 1, 2, 3, 5, 7, 10, 15, 20, 30, 50, 100, 200)
 _WIDE, _NEAR = 2.6, 0.75
 
 
+@in_style
 def draw_nyquist(curves: tuple[NyquistCurve, ...], look: Mapping[str, str], message: str) -> Figure:
     """Left: |L| up to about 2.6. Right: around -1, with the circle of the smallest modulus margin."""
     figure = new_figure(4.4)
@@ -28,7 +29,7 @@ def draw_nyquist(curves: tuple[NyquistCurve, ...], look: Mapping[str, str], mess
         for panel in (wide, near):
             panel.plot(curve.value.real, curve.value.imag, label=label if panel is wide else "", **line)
     _circles(wide, near, curves)
-    worst = min(curves, key=lambda c: c.modulus if c.stable else 0.0)
+    worst = min((c for c in curves if not c.flies), key=lambda c: (not c.stable, c.modulus))
     best = next((c for c in curves if c.flies), None)
     _frequencies(wide, worst, look, (-_WIDE, 1.4, -_WIDE, 1.4))
     spread = _near_size(curves)
@@ -43,7 +44,7 @@ def draw_nyquist(curves: tuple[NyquistCurve, ...], look: Mapping[str, str], mess
         panel.set_xlabel("Re L(jω)")
         panel.set_ylabel("Im L(jω)")
     near.set_title("near the critical point", loc="left")
-    wide.set_title("frequencies in Hz on the weakest loop", loc="left")
+    wide.set_title(f"dots: frequency in Hz on {worst.name}", loc="left")
     figure.legend(loc="outside lower center", ncols=4)
     title(figure, message)
     return figure

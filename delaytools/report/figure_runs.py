@@ -7,13 +7,14 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from delaytools.report.runs import Run, Runs
-from delaytools.report.style import GREY, INK, axes_of, new_figure, title
+from delaytools.report.style import GREY, INK, axes_of, in_style, new_figure, title
 
 __all__ = ["draw_runs"]
 
 _POINTS = 900
 
 
+@in_style
 def draw_runs(runs: Runs, look: Mapping[str, str], message: str) -> Figure:
     """The first seconds of every run; columns share their axes, and a run that leaves them says so."""
     rows, columns = len(runs.runs), len(runs.signals)
@@ -23,7 +24,7 @@ def draw_runs(runs: Runs, look: Mapping[str, str], message: str) -> Figure:
         limit = _limit(runs, signal)
         for row, run in enumerate(runs.runs):
             panel = grid[row][column]
-            _trace(panel, run, signal, look[run.name])
+            _trace(panel, run, signal, look[run.name], limit)
             panel.set_ylim(-limit, limit)
             _says(panel, run, signal, limit, runs.units.get(signal, ""))
         unit = runs.units.get(signal, "")
@@ -44,8 +45,11 @@ def _limit(runs: Runs, signal: str) -> float:
     return 1.15 * max(kept) or 1.0
 
 
-def _trace(panel: Axes, run: Run, signal: str, colour: str) -> None:
+def _trace(panel: Axes, run: Run, signal: str, colour: str, limit: float) -> None:
     t, y = _thinned(run.record.time, run.record[signal])
+    far = np.flatnonzero(np.abs(y) > 3 * limit)
+    if run.grows and far.size:
+        t, y = t[: far[0] + 1], y[: far[0] + 1]
     panel.plot(t, y, color=colour, lw=0.9, zorder=2)
     panel.axhline(0, color="#c3c8cf", lw=0.6, zorder=1)
 
@@ -74,8 +78,8 @@ def _says(panel: Axes, run: Run, signal: str, limit: float, unit: str) -> None:
     if figures is None:
         return
     peak = float(np.max(np.abs(run.record[signal]))) if len(run.record) else np.inf
-    if run.diverged is not None:
-        text, colour = f"diverges, leaves the numbers at {run.diverged:.1f} s", "#B00020"
+    if run.grows:
+        text, colour = "grows without bound", "#B00020"
     elif peak > limit:
         text, colour = f"leaves the axis: {peak:.3g} {unit}", "#B00020"
     elif figures.oscillation_amplitude > 0:

@@ -4,6 +4,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import final
 
+import numpy as np
+from numpy.typing import NDArray
+
 from delaytools.design.design import Design
 from delaytools.design.stimuli import design_stimuli
 from delaytools.design.values import number
@@ -21,12 +24,16 @@ DEMANDS = ("step", "pulse", "doublet", "sine", "chirp", "formula", "multisine")
 @final
 @dataclass(frozen=True)
 class Run:
-    """record: what is drawn, the first seconds only; figures: of the whole run, last half for oscillations."""
+    """record: what is drawn, the first seconds only; figures: of the whole run, last half for oscillations.
+
+    grows: the last quarter is ten times the second one; diverged: time (s) from which values are not finite.
+    """
 
     name: str
     record: Record
     figures: Mapping[str, SignalFigures]
     seconds: float
+    grows: bool
     diverged: float | None
 
 
@@ -55,7 +62,14 @@ def run_case(design: Design, case: Case, signals: tuple[str, ...]) -> Run:
     )
     kept = [name for name in dict.fromkeys(signals) if name in answer.record]
     record = answer.record.between(0.0, SHOWN).only(kept)
-    return Run(case.name, record, answer.figures, answer.seconds_simulated, answer.diverged)
+    grows = answer.diverged is not None or any(_grows(answer.record[name]) for name in signals if name in answer.record)
+    return Run(case.name, record, answer.figures, answer.seconds_simulated, grows, answer.diverged)
+
+
+def _grows(values: NDArray[np.float64]) -> bool:
+    quarter = max(1, len(values) // 4)
+    early, late = (np.abs(values[k * quarter : (k + 1) * quarter]).max(initial=0.0) for k in (1, 3))
+    return bool(late > 10 * early > 0)
 
 
 def shown_signals(design: Design, loop: Loop, asked: Asked) -> tuple[tuple[str, ...], tuple[str, str]]:

@@ -1,9 +1,11 @@
 """How figures look: sizes, a palette that colour-blind readers can tell apart, axes, and SVG as text."""
 
+import functools
 import io
 import re
-from collections.abc import Sequence
-from typing import Any
+import textwrap
+from collections.abc import Callable, Sequence
+from typing import Any, ParamSpec
 
 import matplotlib
 from matplotlib.axes import Axes
@@ -20,6 +22,7 @@ __all__ = [
     "VEHICLE",
     "axes_of",
     "colours",
+    "in_style",
     "new_figure",
     "styles",
     "svg_text",
@@ -58,18 +61,30 @@ _LOOK: dict[str, Any] = {
 }
 
 
+Given = ParamSpec("Given")
+
+
+def in_style(draw: Callable[Given, Figure]) -> Callable[Given, Figure]:
+    """The drawing function with the report's look in force while it runs, and put back afterwards."""
+
+    @functools.wraps(draw)
+    def styled(*args: Given.args, **kwargs: Given.kwargs) -> Figure:
+        with matplotlib.rc_context(_LOOK):
+            return draw(*args, **kwargs)
+
+    return styled
+
+
 def new_figure(height: float, width: float = WIDTH) -> Figure:
     """An empty figure of the report's width (inch), with its canvas; no state is shared with pyplot."""
-    with matplotlib.rc_context(_LOOK):
-        figure = Figure(figsize=(width, height), layout="constrained")
-        FigureCanvasSVG(figure)
+    figure = Figure(figsize=(width, height), layout="constrained")
+    FigureCanvasSVG(figure)
     return figure
 
 
 def axes_of(figure: Figure, rows: int = 1, columns: int = 1, **options: Any) -> list[list[Axes]]:
     """A grid of axes in the report's look."""
-    with matplotlib.rc_context(_LOOK):
-        grid = figure.subplots(rows, columns, squeeze=False, **options)
+    grid = figure.subplots(rows, columns, squeeze=False, **options)
     for axes in grid.ravel():
         axes.spines[["top", "right"]].set_visible(False)
     return [list(row) for row in grid]
@@ -77,8 +92,8 @@ def axes_of(figure: Figure, rows: int = 1, columns: int = 1, **options: Any) -> 
 
 def title(figure: Figure, text: str) -> None:
     """The message of the figure, at its head."""
-    with matplotlib.rc_context(_LOOK):
-        figure.suptitle(text, fontsize=9.5, fontweight="bold", x=0.01, ha="left")
+    lines = textwrap.fill(text, 84)
+    figure.suptitle(lines, fontsize=9.5, fontweight="bold", x=0.01, ha="left", linespacing=1.25)
 
 
 def colours(names: Sequence[str]) -> dict[str, str]:

@@ -43,6 +43,12 @@ class Verdict:
         """The row nearest to instability on the bench: unstable first, then the smallest modulus margin."""
         return min(self.rows, key=lambda row: row.bench.modulus_margin or 0.0)
 
+    @property
+    def focus(self) -> MarginRow:
+        """The weakest of the stable rows, which shows most of what delay does; the weakest where none is stable."""
+        stable = [row for row in self.rows if row.bench.stable]
+        return min(stable, key=lambda row: row.bench.modulus_margin or 0.0) if stable else self.weakest
+
     def __getitem__(self, name: str) -> MarginRow:
         return next(row for row in self.rows if row.name == name)
 

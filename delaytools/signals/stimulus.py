@@ -212,7 +212,8 @@ class Formula(Stimulus):
         if not np.isfinite(found).all():
             when = float(t[~np.isfinite(found)][0])
             raise DesignError(
-                "the formula of an input has no finite value", found=f"{shown(self.formula.text)} at t = {when:g} s"
+                "the formula of an input has no finite value",
+                found=f"{shown(self.formula.text)} at t = {when:g} s",
             )
         return found
 

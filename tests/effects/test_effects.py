@@ -18,7 +18,7 @@ from delaytools.effects.transient_gain import TransientGainEffect
 from delaytools.effects.variable_delay import VariableDelayEffect
 from delaytools.loop.edit import remove
 from delaytools.loop.linearise import linearise
-from delaytools.loop.values import value_paths
+from delaytools.loop.values import resolve, value_paths
 from delaytools.signals.trouble import DesignError
 from tests.effects.family import CLASSES, FAMILY
 from tests.effects.servo import alone, placed, rows, servo
