@@ -142,3 +142,12 @@ def test_no_cycles() -> None:
 
     for module in graph:
         visit(module, ())
+
+
+def test_public_face() -> None:
+    names = [name for name in delaytools.__all__ if name != "__version__"]
+    assert len(names) <= 30
+    for name in names:
+        assert getattr(delaytools, name).__doc__, f"{name} says nothing of itself"
+    with pytest.raises(AttributeError, match="no attribute"):
+        _ = delaytools.nothing_of_that_name

@@ -317,8 +317,6 @@ def run() -> None:
 def _usage(error: Any) -> str:
     """What is wrong with the words of the command line, and where to read on."""
     context = getattr(error, "ctx", None)
-    name = " ".join(["delaytools", *context.command_path.split()[1:]]) if context else "delaytools"
-    if context and context.parent is None or "-m" in name:
-        name = "delaytools"
+    name = f"delaytools {context.info_name}" if context and context.parent is not None else "delaytools"
     words = error.format_message().rstrip(".") or "which command?"
     return f"delaytools: {words}; see: {name} --help"

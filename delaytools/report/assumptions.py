@@ -9,7 +9,9 @@ from delaytools.design.design import Design
 __all__ = ["Remark", "remarks"]
 
 _ASSUMED = re.compile(r"\bassumed\b", re.IGNORECASE)
-_SOURCE = re.compile(r"\b[A-Z][a-z]+(?: (?:and|&) [A-Z][a-z]+| et al\.)?,? \(?(?:19|20)\d\d\b|\beq\. |\bfig\. |\bdoi\b")
+_SOURCE = re.compile(
+    r"\b[A-Z][a-z]+(?: (?:and|&) [A-Z][a-z]+| et al\.)?,? \(?(?:19|20)\d\d\b|\beq\. |\bfig\. |\bdoi\b"
+)
 _TABLE = re.compile(r"^\s*\[\[?\s*([^\]]+?)\s*\]\]?\s*(?:#.*)?$")
 _KEY = re.compile(r"^\s*([A-Za-z0-9_\"'.-]+)\s*=")
 

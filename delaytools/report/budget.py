@@ -167,7 +167,9 @@ def _alone(
     port, out = _ports(loop, element, before, after)
     wired = {name: signal_expression(f"other {name}") for name in element.inputs}
     single = Loop(
-        (replace(element, inputs={**wired, port: signal_expression(ENTRY)}),), loop.parameters, frame=loop.frame
+        (replace(element, inputs={**wired, port: signal_expression(ENTRY)}),),
+        loop.parameters,
+        frame=loop.frame,
     )
     system = transfer(single, ENTRY, out)
     phase = None if crossover is None else float(_turned(system.siso, crossover))

@@ -85,7 +85,11 @@ def gather(design: Design, progress: Progress, extra: tuple[Compensation, ...] =
     loci: tuple[Locus, ...] = ()
     if answer is not None:
         budgets = _kept(
-            tries("budget", f"delay budget of {c.name}", lambda c=c: budget(c, at, answer[c.name].bench, removed))
+            tries(
+                "budget",
+                f"delay budget of {c.name}",
+                lambda c=c: budget(c, at, answer[c.name].bench, removed),
+            )
             for c in every
         )
         span = delay_range(questions, [row.bench for row in answer.rows])
@@ -108,7 +112,11 @@ def _kept(answers: Iterable[Answer | None]) -> tuple[Answer, ...]:
 
 
 def _loci(
-    tries: _Tries, curves: tuple[DelayCurve, ...], answer: Verdict, questions: Asked, span: tuple[float, float]
+    tries: _Tries,
+    curves: tuple[DelayCurve, ...],
+    answer: Verdict,
+    questions: Asked,
+    span: tuple[float, float],
 ) -> tuple[Locus, ...]:
     """The locus of the family that the weakest stable configuration belongs to."""
     chosen = [c for c in curves if answer.focus.name in dict(c.family.members)]
@@ -144,7 +152,8 @@ def _runs(tries: _Tries, design: Design, every: tuple[Case, ...], questions: Ask
     signals, demand = shown_signals(design, every[0].loop, questions)
     wanted = (*signals, *(name for name in demand if name))
     found: tuple[Run, ...] = _kept(
-        tries("runs", f"run of {case.name}", lambda case=case: run_case(design, case, wanted)) for case in every
+        tries("runs", f"run of {case.name}", lambda case=case: run_case(design, case, wanted))
+        for case in every
     )
     units = dict(every[0].loop.units)
     return Runs(found, signals, demand, units, design.tables.simulation.seed) if found else None

@@ -104,9 +104,7 @@ def _fold(chain: tuple[str, ...], cells: dict[str, Cell], row: int, *, closed: b
     return row + 1
 
 
-def _beside(
-    name: str, graph: Mapping[str, tuple[str, ...]], cells: Mapping[str, Cell], rows: int
-) -> Cell:
+def _beside(name: str, graph: Mapping[str, tuple[str, ...]], cells: Mapping[str, Cell], rows: int) -> Cell:
     """A single block: in the column between what it reads and what reads it, in the lowest row or a new one."""
     into = [cells[n] for n, readers in graph.items() if name in readers and n in cells]
     out = [cells[n] for n in graph[name] if n in cells]

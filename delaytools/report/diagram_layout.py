@@ -237,7 +237,20 @@ def _pins(box: Box, parts: tuple[Part, ...], grid: Grid, written: set[str]) -> l
     count = len(box.part.outputs)
     for i, signal in enumerate(box.part.outputs):
         y = middle + (i - (count - 1) / 2) * 14.0
-        found.append(Pin(box.part.name, signal, "out", out_x, y, out_channel, cell.row, 1, "", 1 if cell.forward else -1))
+        found.append(
+            Pin(
+                box.part.name,
+                signal,
+                "out",
+                out_x,
+                y,
+                out_channel,
+                cell.row,
+                1,
+                "",
+                1 if cell.forward else -1,
+            )
+        )
     inside = [e for e in box.part.entries if e.signal in written or _at_left(cell)]
     straight = _straight_entry(box, parts, grid, inside)
     others = [e for e in inside if e is not straight]
@@ -310,7 +323,9 @@ def _channels(
     return found
 
 
-def _lanes(tops: list[tuple[float, float]], boxes: tuple[Box, ...], tracks: Tracks) -> dict[tuple[int, str], float]:
+def _lanes(
+    tops: list[tuple[float, float]], boxes: tuple[Box, ...], tracks: Tracks
+) -> dict[tuple[int, str], float]:
     """(horizontal channel, signal) -> y of its track, above the row of that number."""
     found = {}
     for lane, signals in tracks.horizontal.items():
@@ -324,7 +339,9 @@ def _lanes(tops: list[tuple[float, float]], boxes: tuple[Box, ...], tracks: Trac
     return found
 
 
-def _stubs(boxes: tuple[Box, ...], pins: tuple[Pin, ...], written: set[str], read: set[str]) -> tuple[Stub, ...]:
+def _stubs(
+    boxes: tuple[Box, ...], pins: tuple[Pin, ...], written: set[str], read: set[str]
+) -> tuple[Stub, ...]:
     found = []
     for box in boxes:
         if _at_left(box.cell):

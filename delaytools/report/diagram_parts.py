@@ -18,7 +18,14 @@ from delaytools.signals.expression import Expression
 
 __all__ = ["Entry", "Mark", "Part", "diagram_parts"]
 
-_SHORT = {"natural_frequency": "ωₙ", "damping": "ζ", "delay": "τ", "period": "T", "gain": "K", "time_constant": "T"}
+_SHORT = {
+    "natural_frequency": "ωₙ",
+    "damping": "ζ",
+    "delay": "τ",
+    "period": "T",
+    "gain": "K",
+    "time_constant": "T",
+}
 _SECONDS = ("s",)
 
 
@@ -62,7 +69,9 @@ def diagram_parts(design: Design) -> tuple[Part, ...]:
     removed = set(design.tables.flight.remove)
     found = []
     for name, table in design.data.get("blocks", {}).items():
-        element = make_element(name, table, units=design.tables.signals, parameters=Parameters(loop.parameters))
+        element = make_element(
+            name, table, units=design.tables.signals, parameters=Parameters(loop.parameters)
+        )
         words = _lines(element, [_numbers(item, name) for item in loops], loop.parameters)
         entries = _entries(element, loop)
         outputs = tuple(element.outputs.values())
@@ -98,7 +107,9 @@ def _sign(expression: Expression, name: str, numbers: Mapping[str, Any]) -> int:
     return -1 if factor < 0 else 1
 
 
-def _lines(element: Element, values: list[dict[str, float]], parameters: Mapping[str, Any]) -> tuple[str, ...]:
+def _lines(
+    element: Element, values: list[dict[str, float]], parameters: Mapping[str, Any]
+) -> tuple[str, ...]:
     block = element.block
     if isinstance(block, TransferFunction):
         lines = [_ratio(element, values)]
@@ -191,5 +202,7 @@ def _side(loop: Loop, name: str, port: str) -> str:
 
 def _effect_words(table: dict[str, Any]) -> str:
     kind = str(table["type"]).replace("_", " ")
-    values = [f"{v}" for k, v in table.items() if k not in ("type", "at") and isinstance(v, str | int | float)]
+    values = [
+        f"{v}" for k, v in table.items() if k not in ("type", "at") and isinstance(v, str | int | float)
+    ]
     return _short(f"{kind} {values[0]}" if values else kind, 26)

@@ -67,7 +67,9 @@ class Tracks:
                     vertical.setdefault(leaving, {}).setdefault(signal)
                     if entering != leaving:
                         vertical.setdefault(entering, {}).setdefault(signal)
-                        horizontal.setdefault(lane_between(begin.row, end.row, begin.forward), {}).setdefault(signal)
+                        horizontal.setdefault(lane_between(begin.row, end.row, begin.forward), {}).setdefault(
+                            signal
+                        )
         return Tracks(
             {key: tuple(found) for key, found in vertical.items()},
             {key: tuple(found) for key, found in horizontal.items()},

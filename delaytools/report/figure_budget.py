@@ -18,7 +18,7 @@ _BENCH = ("#D55E00", "#f28e42", "#fdbe85", "#a63603", "#fdd0a2")
 @in_style
 def draw_budgets(budgets: tuple[Budget, ...], message: str) -> Figure:
     """One bar for each configuration: delay by element (bench hatched), then what the loop can still stand."""
-    figure = new_figure(1.35 + 0.36 * len(budgets))
+    figure = new_figure(1.2 + 0.28 * len(budgets))
     panel = axes_of(figure)[0][0]
     shades = _shades(budgets)
     named: set[str] = set()
@@ -37,7 +37,12 @@ def draw_budgets(budgets: tuple[Budget, ...], message: str) -> Figure:
     _dress(panel, [item.name for item in budgets], "Low-frequency delay round the loop (ms)")
     panel.margins(x=0.16)
     panel.set_xlim(left=0)
-    figure.legend(loc="outside lower center", ncols=5, fontsize=7.2)
+    handles = dict(zip(*reversed(panel.get_legend_handles_labels()), strict=True))
+    order = [w for name in shades for w in (name, f"{name} (bench)") if w in handles]
+    order += [w for w in handles if w not in order]
+    figure.legend(
+        [handles[w] for w in order], order, loc="outside lower center", ncols=min(6, len(order)), fontsize=7.2
+    )
     title(figure, message)
     return figure
 
@@ -49,8 +54,8 @@ def _bar(panel: Axes, row: int, item: Budget, shades: dict[str, str], named: set
         if not entry.added or not entry.delay:
             continue
         width = entry.delay * 1e3
-        panel.barh(row, width, left=end, height=0.62 if width > 0 else 0.2, color=shades[entry.name], ec="white", lw=0.8,
-                   hatch="////" if entry.bench else None,
+        panel.barh(row, width, left=end, height=0.62 if width > 0 else 0.2, color=shades[entry.name],
+                   ec="white", lw=0.8, hatch="////" if entry.bench else None,
                    label="" if entry.name in named else _label(entry))  # fmt: skip
         named.add(entry.name)
         end += width
@@ -63,9 +68,11 @@ def _label(entry: BudgetEntry) -> str:
 
 def _shades(budgets: tuple[Budget, ...]) -> dict[str, str]:
     found: dict[str, str] = {}
+    longest = sorted(budgets, key=lambda item: -len(item.entries))
     for bench, ramp in ((False, _VEHICLE), (True, _BENCH)):
-        longest = sorted(budgets, key=lambda item: -len(item.entries))
-        names = dict.fromkeys(e.name for b in longest for e in b.entries if e.bench == bench and e.added and e.delay)
+        names = dict.fromkeys(
+            e.name for b in longest for e in b.entries if e.bench == bench and e.added and e.delay
+        )
         found |= {name: ramp[i % len(ramp)] for i, name in enumerate(names)}
     return found
 
@@ -81,7 +88,7 @@ def _dress(panel: Axes, names: list[str], label: str) -> None:
 def draw_waterfall(item: Budget, message: str) -> Figure:
     """Element by element: delay (left) and phase at the crossover (right), each bar starting where the last ended."""
     shown = [e for e in item.entries if e.series and (e.delay or e.phase)]
-    figure = new_figure(1.25 + 0.27 * (len(shown) + 2))
+    figure = new_figure(1.1 + 0.225 * (len(shown) + 2))
     left, right = axes_of(figure, 1, 2, sharey=True)[0]
     added = [(e.delay or 0.0) * 1e3 if e.added else None for e in shown]
     _steps(left, shown, added, "{:.2f}")
@@ -96,7 +103,9 @@ def draw_waterfall(item: Budget, message: str) -> Figure:
         left.annotate(f"unstable from\n{edge:.1f} ms", (edge, 0), (-4, -2), textcoords="offset points",
                       ha="right", va="center", fontsize=7, color="#00704f")  # fmt: skip
     right.axvline(-180, color="#B00020", ls="--", lw=1.0)
-    right.annotate("-180 deg", (-180, 0), (4, 0), textcoords="offset points", fontsize=7, color="#B00020", va="center")
+    right.annotate(
+        "-180 deg", (-180, 0), (4, 0), textcoords="offset points", fontsize=7, color="#B00020", va="center"
+    )
     right.invert_xaxis()
     title(figure, message)
     return figure

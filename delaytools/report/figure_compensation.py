@@ -29,7 +29,9 @@ def draw_compensation(items: tuple[Compensation, ...], message: str) -> Figure:
                 x = place + (bar - 1) * 0.27
                 panel.bar(x, value or 0.0, 0.25, color=colour, label=word if not index and not place else "")
                 if margins is not None and not margins.stable:
-                    panel.text(x, 0, "unstable", rotation=90, ha="center", va="bottom", fontsize=6.5, color="#B00020")
+                    panel.text(
+                        x, 0, "unstable", rotation=90, ha="center", va="bottom", fontsize=6.5, color="#B00020"
+                    )
         panel.set_title(label, loc="left")
         panel.grid(visible=False, axis="x")
         panel.set_xticks(range(len(items)), [item.name.replace("_", "\n") for item in items], fontsize=7)

@@ -32,7 +32,12 @@ def draw_diagram(diagram: Diagram) -> Figure:
         for joint in wire.joints:
             panel.plot(*joint, "o", color=_WIRE, ms=3.0 * scale, zorder=3)
         for pin in wire.readers:
-            _arrow(panel, (pin.x - 0.01 * pin.x_side, pin.y), scale, _heading(wire.lines[0], pin.x, pin.y, wire.lines))
+            _arrow(
+                panel,
+                (pin.x - 0.01 * pin.x_side, pin.y),
+                scale,
+                _heading(wire.lines[0], pin.x, pin.y, wire.lines),
+            )
     for label in diagram.labels:
         panel.text(label.x, label.y, label.text, fontsize=WIRE * scale, va="bottom", linespacing=1.0, color=_WIRE,
                    zorder=4, bbox={"boxstyle": "square,pad=0.05", "fc": "white", "ec": "none"})  # fmt: skip
@@ -66,7 +71,14 @@ def _stub(panel: Axes, stub: Stub, scale: float) -> None:
         "arrowstyle": "-|>", "color": _WIRE, "lw": 0.9 * scale, "shrinkA": 0, "shrinkB": 0,
         "mutation_scale": 6.5 * scale})  # fmt: skip
     if x0 == x1:
-        panel.text(x1 + 3, (y0 + y1) / 2, "+" if stub.sign > 0 else "−", fontsize=7.5 * scale, va="center", color=_WIRE)
+        panel.text(
+            x1 + 3,
+            (y0 + y1) / 2,
+            "+" if stub.sign > 0 else "−",
+            fontsize=7.5 * scale,
+            va="center",
+            color=_WIRE,
+        )
     label = stub.label
     panel.text(label.x, label.y, label.text, fontsize=WIRE * scale, va="bottom", color=_WIRE, style="italic",
                linespacing=1.0, zorder=4)  # fmt: skip
@@ -79,7 +91,17 @@ def _box(panel: Axes, box: Box, scale: float) -> None:
     centre = box.x + (box.width + entry_margin(box.part) * (1 if box.cell.forward else -1)) / 2
     words = PAD + NAME + LINE * (1 + len(box.part.lines))
     y = box.y + (box.height - words) / 2 + PAD / 2
-    panel.text(centre, y, box.part.name, fontsize=NAME * scale, weight="bold", ha="center", va="top", color=INK, zorder=6)
+    panel.text(
+        centre,
+        y,
+        box.part.name,
+        fontsize=NAME * scale,
+        weight="bold",
+        ha="center",
+        va="top",
+        color=INK,
+        zorder=6,
+    )
     y += NAME + 3
     for i, line in enumerate((box.part.kind, *box.part.lines)):
         panel.text(centre, y + i * LINE, line, fontsize=SMALL * scale, ha="center", va="top", zorder=6,
@@ -98,7 +120,9 @@ def _mark(panel: Axes, box: Box, index: int, words: str, side: str, scale: float
     panel.text(x, y + 4.5, words, fontsize=6.0 * scale, ha=align, va="center", color=_MARK, zorder=6)
     if left is not None:
         x += -8 if left else 8
-        panel.plot(x, box.y + box.height / 2, "D", color=_MARK, mec="white", mew=0.5, ms=5.0 * scale, zorder=7)
+        panel.plot(
+            x, box.y + box.height / 2, "D", color=_MARK, mec="white", mew=0.5, ms=5.0 * scale, zorder=7
+        )
 
 
 def _signs(panel: Axes, diagram: Diagram, scale: float) -> None:
@@ -123,9 +147,18 @@ def _legend(panel: Axes, diagram: Diagram, scale: float) -> None:
     if any(box.part.bench for box in diagram.boxes):
         entries.append(("bench equipment, does not fly", _FACE[True]))
     for words, (face, edge) in entries:
-        panel.add_patch(FancyBboxPatch((x, y - 4), 11, 8, boxstyle="round,pad=0,rounding_size=2", fc=face, ec=edge, lw=1))
+        panel.add_patch(
+            FancyBboxPatch((x, y - 4), 11, 8, boxstyle="round,pad=0,rounding_size=2", fc=face, ec=edge, lw=1)
+        )
         panel.text(x + 16, y, words, fontsize=SMALL * scale, va="center", color=INK)
         x += 28 + 3.9 * len(words)
     if any(box.part.marks for box in diagram.boxes):
         panel.plot(x + 5, y, "D", color=_MARK, ms=5 * scale, mec="white", mew=0.5)
-        panel.text(x + 14, y, "effect at a port, in some configuration", fontsize=SMALL * scale, va="center", color=INK)
+        panel.text(
+            x + 14,
+            y,
+            "effect at a port, in some configuration",
+            fontsize=SMALL * scale,
+            va="center",
+            color=INK,
+        )

@@ -11,13 +11,14 @@ from delaytools.report.style import GREY, axes_of, in_style, new_figure, title
 
 __all__ = ["draw_locus"]
 
+_PLATE = {"boxstyle": "square,pad=0.15", "fc": "white", "ec": "none", "alpha": 0.85}
 _DAMPING = (0.1, 0.2, 0.3, 0.5, 0.7, 0.9)
 
 
 @in_style
 def draw_locus(locus: Locus, place: str, message: str) -> Figure:
     """Upper half plane in Hz on the imaginary axis; dots at the crossings, rings at the present delays."""
-    figure = new_figure(4.3)
+    figure = new_figure(3.7)
     panel = axes_of(figure)[0][0]
     panel.grid(visible=False)
     left, right, top = _box(locus)
@@ -36,8 +37,8 @@ def draw_locus(locus: Locus, place: str, message: str) -> Figure:
     for delay, omega in locus.crossings:
         panel.plot(0, omega, "D", color="#B00020", mec="white", ms=6.5, zorder=5, clip_on=False)
         panel.annotate(
-            f"crosses at {delay * 1e3:.2f} ms,\n{omega / (2 * math.pi):.2f} Hz", (0, omega), (9, -2),
-            textcoords="offset points", fontsize=7.5, color="#B00020", va="top", zorder=6,
+            f"crosses at {delay * 1e3:.2f} ms,\n{omega / (2 * math.pi):.2f} Hz", (0, omega), (9, 6),
+            textcoords="offset points", fontsize=7.5, color="#B00020", va="bottom", zorder=6, bbox=_PLATE,
         )  # fmt: skip
     panel.set_xlabel("Re s (rad/s)")
     panel.set_ylabel("Im s (rad/s)")
@@ -64,9 +65,10 @@ def _mark_present(panel: Axes, locus: Locus) -> None:
             )
     for root, names in by_root.items():
         panel.plot(root.real, root.imag, "o", mfc="none", mec="#1a1a1a", ms=9, mew=1.3, zorder=6)
+        edge = root.real < 0.7 * panel.get_xlim()[0]
         panel.annotate(
-            ",\n".join(names), (root.real, root.imag), (-8, 9), textcoords="offset points", fontsize=7.5,
-            ha="right", zorder=6, bbox={"boxstyle": "square,pad=0.15", "fc": "white", "ec": "none", "alpha": 0.85},
+            ",\n".join(names), (root.real, root.imag), (9, 3) if edge else (-8, -8), textcoords="offset points",
+            fontsize=7.5, ha="left" if edge else "right", va="bottom" if edge else "top", zorder=6, bbox=_PLATE,
         )  # fmt: skip
 
 
@@ -86,7 +88,9 @@ def _grid(panel: Axes, left: float, top: float) -> None:
     for k in range(1, 8):
         radius = 2 * math.pi * hertz * k
         if radius < top:
-            panel.plot(radius * np.cos(angles), radius * np.sin(angles), color="#d7dbe0", lw=0.7, ls=":", zorder=1)
+            panel.plot(
+                radius * np.cos(angles), radius * np.sin(angles), color="#d7dbe0", lw=0.7, ls=":", zorder=1
+            )
             panel.annotate(f"{hertz * k:g} Hz", (0, radius), (3, 0), textcoords="offset points", fontsize=6.5,
                            color=GREY, va="center", zorder=2)  # fmt: skip
 

@@ -31,7 +31,7 @@ def decibels(ratio: float | None) -> float | None:
 def draw_margins(verdict: Verdict, message: str) -> Figure:
     """One row for each configuration, one panel for each margin: the bench as a dot, flight as a tick."""
     names = [row.name for row in verdict.rows]
-    figure = new_figure(1.15 + 0.27 * len(names))
+    figure = new_figure(1.1 + 0.22 * len(names))
     panels = axes_of(figure, 1, 4, sharey=True)[0]
     for panel, (label, get) in zip(panels, _PANELS, strict=True):
         _margin_panel(panel, verdict, get)
@@ -70,7 +70,7 @@ def _margin_panel(panel: Axes, verdict: Verdict, get: object) -> None:
 @in_style
 def draw_curves(curves: tuple[DelayCurve, ...], place: str, look: Mapping[str, str], message: str) -> Figure:
     """Gain, phase and delay margin against the delay at the place; beneath, where each family is stable."""
-    figure = new_figure(6.6)
+    figure = new_figure(5.9)
     heights = [3, 3, 3, 0.35 + 0.32 * len(curves)]
     panels = [row[0] for row in axes_of(figure, 4, 1, sharex=True, gridspec_kw={"height_ratios": heights})]
     lines = styles([curve.family.name for curve in curves])
@@ -78,18 +78,26 @@ def draw_curves(curves: tuple[DelayCurve, ...], place: str, look: Mapping[str, s
         colour = look[curve.family.members[0][0]]
         x = curve.delays * 1e3
         with np.errstate(divide="ignore", invalid="ignore"):
-            columns = (abs(20 * np.log10(curve.gain_margin)), np.abs(curve.phase_margin) * _DEG, curve.delay_margin * 1e3)
+            columns = (
+                abs(20 * np.log10(curve.gain_margin)),
+                np.abs(curve.phase_margin) * _DEG,
+                curve.delay_margin * 1e3,
+            )
         for panel, y in zip(panels, columns, strict=False):
             panel.plot(x, y, color=colour, ls=lines[curve.family.name], label=curve.family.name, zorder=2)
             _mark_present(panel, curve, y, look)
-    for panel, label in zip(panels, ("Gain margin (dB)", "Phase margin (deg)", "Delay margin (ms)"), strict=False):
+    for panel, label in zip(
+        panels, ("Gain margin (dB)", "Phase margin (deg)", "Delay margin (ms)"), strict=False
+    ):
         panel.set_ylabel(label)
         panel.set_ylim(bottom=0)
     _stable_bands(panels[3], curves, look)
     panels[3].set_xlabel(f"Delay at {place} (ms)")
     low, high = curves[0].delays[0] * 1e3, curves[0].delays[-1] * 1e3
     panels[0].set_xlim(low, high)
-    panels[0].legend(loc="upper right", fontsize=7, title="configurations (dots: as they stand)", title_fontsize=7)
+    panels[0].legend(
+        loc="upper right", fontsize=7, title="configurations (dots: as they stand)", title_fontsize=7
+    )
     figure.align_ylabels(panels)
     title(figure, message)
     return figure
@@ -99,7 +107,17 @@ def _mark_present(panel: Axes, curve: DelayCurve, y: np.ndarray, look: Mapping[s
     for name, tau in curve.family.members:
         place = int(np.argmin(np.abs(curve.delays - tau)))
         if np.isfinite(y[place]):
-            panel.plot(tau * 1e3, y[place], "o", color=look[name], mec="white", mew=0.7, ms=6, clip_on=False, zorder=3)
+            panel.plot(
+                tau * 1e3,
+                y[place],
+                "o",
+                color=look[name],
+                mec="white",
+                mew=0.7,
+                ms=6,
+                clip_on=False,
+                zorder=3,
+            )
 
 
 def _stable_bands(panel: Axes, curves: tuple[DelayCurve, ...], look: Mapping[str, str]) -> None:
@@ -115,10 +133,10 @@ def _stable_bands(panel: Axes, curves: tuple[DelayCurve, ...], look: Mapping[str
             panel.text(0.01, row, "stable nowhere here", color="#B00020", fontsize=7, va="center",
                        transform=panel.get_yaxis_transform())  # fmt: skip
         for name, tau in curve.family.members:
-            panel.plot(tau * 1e3, row, "o", color=look[name], mec="white", mew=0.7, ms=6, clip_on=False, zorder=3)
+            panel.plot(
+                tau * 1e3, row, "o", color=look[name], mec="white", mew=0.7, ms=6, clip_on=False, zorder=3
+            )
     panel.set_ylim(len(curves) - 0.5, -0.5)
     panel.set_yticks([])
     panel.grid(visible=False)
     panel.set_ylabel("Stable", rotation=90)
-
-

@@ -20,7 +20,7 @@ _WIDE, _NEAR = 2.6, 0.75
 @in_style
 def draw_nyquist(curves: tuple[NyquistCurve, ...], look: Mapping[str, str], message: str) -> Figure:
     """Left: |L| up to about 2.6. Right: around -1, with the circle of the smallest modulus margin."""
-    figure = new_figure(4.4)
+    figure = new_figure(4.05)
     wide, near = axes_of(figure, 1, 2)[0]
     for curve in curves:
         colour = FLIGHT if curve.flies else look[curve.name]
@@ -85,4 +85,6 @@ def _frequencies(panel: Axes, curve: NyquistCurve, look: Mapping[str, str], box:
             continue
         taken.append(at)
         panel.plot(at.real, at.imag, "o", ms=3.2, color=colour, zorder=4)
-        panel.annotate(f"{mark:g}", (at.real, at.imag), (4, 3), textcoords="offset points", fontsize=7, color=GREY)
+        panel.annotate(
+            f"{mark:g}", (at.real, at.imag), (4, 3), textcoords="offset points", fontsize=7, color=GREY
+        )

@@ -18,7 +18,7 @@ _POINTS = 900
 def draw_runs(runs: Runs, look: Mapping[str, str], message: str) -> Figure:
     """The first seconds of every run; columns share their axes, and a run that leaves them says so."""
     rows, columns = len(runs.runs), len(runs.signals)
-    figure = new_figure(0.9 + 1.02 * rows)
+    figure = new_figure(1.0 + 0.9 * rows)
     grid = axes_of(figure, rows, columns, sharex=True, sharey="col")
     for column, signal in enumerate(runs.signals):
         limit = _limit(runs, signal)
@@ -32,14 +32,18 @@ def draw_runs(runs: Runs, look: Mapping[str, str], message: str) -> Figure:
         grid[-1][column].set_xlabel("Time (s)")
     for row, run in enumerate(runs.runs):
         _demand(grid[row], runs, run)
-        grid[row][0].set_ylabel(run.name.replace("_", "\n"), fontsize=7.5, rotation=0, ha="right", va="center")
+        grid[row][0].set_ylabel(
+            run.name.replace("_", "\n"), fontsize=7.5, rotation=0, ha="right", va="center"
+        )
     title(figure, message)
     return figure
 
 
 def _limit(runs: Runs, signal: str) -> float:
     """1.15 times the largest excursion of the runs that stay within three times the median one."""
-    peaks = [float(np.max(np.abs(r.record[signal]))) for r in runs.runs if signal in r.record and len(r.record)]
+    peaks = [
+        float(np.max(np.abs(r.record[signal]))) for r in runs.runs if signal in r.record and len(r.record)
+    ]
     typical = 3 * float(np.median(peaks)) if peaks else 1.0
     kept = [p for p in peaks if p <= typical] or [typical]
     return 1.15 * max(kept) or 1.0

@@ -21,7 +21,7 @@ COUNT = 12
 class Locus:
     """delays (n,) s; roots: for each delay those with Im s >= 0, rad/s; crossings: (delay s, frequency rad/s).
 
-    present: (configuration, delay s, its rightmost root with Im s >= 0).
+    present: (configuration, delay s, its rightmost root that oscillates).
     """
 
     name: str
@@ -47,9 +47,15 @@ def locus(curve: DelayCurve, asked: Asked, span: tuple[float, float], steps: int
         for tau, roots in zip(edges, at_edges, strict=True)
     )
     shown = tuple(
-        (name, tau, complex(roots[0])) for (name, tau), roots in zip(present, marked, strict=True) if len(roots)
+        (name, tau, _leading(roots)) for (name, tau), roots in zip(present, marked, strict=True) if len(roots)
     )
     return Locus(curve.family.name, delays, sets[:steps], crossings, shown, sampling, certified)
+
+
+def _leading(roots: NDArray[np.complex128]) -> complex:
+    """The rightmost root that oscillates, else the rightmost."""
+    turning = roots[np.abs(roots.imag) > 1e-6 * np.abs(roots)]
+    return complex(turning[0] if len(turning) else roots[0])
 
 
 def _roots(

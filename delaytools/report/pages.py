@@ -4,14 +4,10 @@ from importlib.metadata import PackageNotFoundError, version
 
 from delaytools.report.contents import Contents
 from delaytools.report.page import Page
-from delaytools.report.sections_margins import (
-    budget_section,
-    compensation_section,
-    nyquist_section,
-    sweep_section,
-    tone,
-    verdict_section,
-)
+from delaytools.report.sections_budget import budget_section
+from delaytools.report.sections_compensation import compensation_section
+from delaytools.report.sections_delay import nyquist_section, sweep_section
+from delaytools.report.sections_margins import tone, verdict_section
 from delaytools.report.sections_rest import (
     assumptions_section,
     diagram_section,

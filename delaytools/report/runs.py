@@ -62,7 +62,9 @@ def run_case(design: Design, case: Case, signals: tuple[str, ...]) -> Run:
     )
     kept = [name for name in dict.fromkeys(signals) if name in answer.record]
     record = answer.record.between(0.0, SHOWN).only(kept)
-    grows = answer.diverged is not None or any(_grows(answer.record[name]) for name in signals if name in answer.record)
+    grows = answer.diverged is not None or any(
+        _grows(answer.record[name]) for name in signals if name in answer.record
+    )
     return Run(case.name, record, answer.figures, answer.seconds_simulated, grows, answer.diverged)
 
 
@@ -94,7 +96,9 @@ def _answer(loop: Loop, demand: str) -> str:
     for element in loop.elements:
         for expression in element.inputs.values():
             if demand in expression.names:
-                same = [n for n in expression.names if n in loop.writers and _unit(loop, n) == _unit(loop, demand)]
+                same = [
+                    n for n in expression.names if n in loop.writers and _unit(loop, n) == _unit(loop, demand)
+                ]
                 if same:
                     return same[0]
     return ""

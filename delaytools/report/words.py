@@ -4,7 +4,18 @@ import math
 
 from delaytools.analysis.margins import Margins
 
-__all__ = ["count", "degrees", "hertz", "listed", "milliseconds", "number", "percent", "ratio_and_decibels", "span", "why"]
+__all__ = [
+    "count",
+    "degrees",
+    "hertz",
+    "listed",
+    "milliseconds",
+    "number",
+    "percent",
+    "ratio_and_decibels",
+    "span",
+    "why",
+]
 
 
 def number(value: float | None, digits: int = 3) -> str:
@@ -26,7 +37,9 @@ def milliseconds(value: float | None) -> str:
 
 def degrees(value: float | None) -> str:
     """Radians written in deg with one decimal."""
-    return "–" if value is None or not math.isfinite(value) else f"{math.degrees(value):.1f}".replace("-", "−")
+    return (
+        "–" if value is None or not math.isfinite(value) else f"{math.degrees(value):.1f}".replace("-", "−")
+    )
 
 
 def hertz(value: float | None) -> str:

@@ -150,17 +150,33 @@ def mapped_rows(call: Call, function: ca.Function, state: Array, driven: tuple[A
     data, p = driven
     most = ROWS_PER_CHUNK if call.copies else ROWS_PER_DATA_CHUNK
     chunk = max(1, min(len(data), most // call.rows))
-    mapped = function.mapaccum(chunk)
-    spread = np.tile(p[:, None], (1, chunk))
-    found = []
-    for first in range(0, len(data), chunk):
-        part = data[first : first + chunk]
-        if len(part) < chunk:
-            part = np.vstack([part, np.repeat(part[-1:], chunk - len(part), axis=0)])
-        states, rows = mapped(state, part.T, spread)
-        state = states[:, -1].full().ravel()
-        found.append(rows.full().T)
-    return np.vstack(found)
+    mapped = _densely(function).mapaccum(chunk)
+    buffer, evaluate = mapped.buffer()
+    calls = -(-len(data) // chunk) * chunk
+    fed = np.vstack([data, np.repeat(data[-1:], calls - len(data), axis=0)])
+    rows = np.empty((calls, mapped.size1_out(1)))
+    states, spread = np.empty((chunk, mapped.size1_out(0))), np.tile(p, (chunk, 1))
+    if p.size:
+        buffer.set_arg(2, memoryview(spread))
+    buffer.set_res(0, memoryview(states))
+    for first in range(0, calls, chunk):
+        state = np.ascontiguousarray(state)
+        if state.size:
+            buffer.set_arg(0, memoryview(state))
+        if fed.size:
+            buffer.set_arg(1, memoryview(fed[first : first + chunk]))
+        buffer.set_res(1, memoryview(rows[first : first + chunk]))
+        evaluate()
+        state = states[-1].copy()
+    return rows[: len(data)]
+
+
+def _densely(function: ca.Function) -> ca.Function:
+    """The function with full outputs, so that its numbers lie where they are expected."""
+    if all(function.sparsity_out(k).is_dense() for k in range(2)):
+        return function
+    given = function.sx_in() if function.is_a("SXFunction") else function.mx_in()
+    return ca.Function(function.name(), given, [ca.densify(out) for out in function.call(given)])
 
 
 def initial_state(compiled: Compiled, values: tuple[float, ...]) -> ca.DM:
