@@ -108,4 +108,5 @@ def _misspelt(name: str, other: str) -> bool:
     differing = [pair for pair in zip(words, others, strict=False) if pair[0] != pair[1]]
     if len(words) == len(others) and any(min(len(a), len(b)) < 3 for a, b in differing):
         return False
-    return SequenceMatcher(None, plain, meant).ratio() >= 0.8
+    swapped = sorted(plain) == sorted(meant)
+    return swapped or SequenceMatcher(None, plain, meant).ratio() >= 0.8

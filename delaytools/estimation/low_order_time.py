@@ -98,4 +98,4 @@ def _linear(rows: _Rows, w: float, zeta: float, delay: float) -> tuple[float, Re
     if not np.all(np.isfinite(basis)):
         return np.inf, np.zeros(3)
     best = np.linalg.lstsq(basis, rows.y, rcond=1e-10)[0]
-    return float(np.sum((basis @ best - rows.y) ** 2)), best
+    return float(np.sum((basis @ best - rows.y) ** 2)), np.asarray(best, dtype=float)

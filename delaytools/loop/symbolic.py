@@ -6,6 +6,7 @@ from typing import final
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 
 from delaytools.blocks.block import CASADI, Sampled, Scalar, flat_values
 from delaytools.loop.linearise import (
@@ -109,7 +110,7 @@ class _Wiring:
         """The transports whose entry is made of held signals and of other such transports."""
         if not self.lines.net.loop.sampled:
             return []
-        mixed = _pattern(self.part("z", "x")).any(axis=1) | _pattern(self.part("z", "e")).any(axis=1)
+        mixed = np.hstack([_pattern(self.part("z", "x")), _pattern(self.part("z", "e"))]).any(axis=1)
         chained = _pattern(self.part("z", "w"))
         for _ in range(len(mixed)):
             mixed = mixed | (chained & mixed[None, :]).any(axis=1)
@@ -122,8 +123,8 @@ def _place(sizes: dict[str, int], name: str) -> slice:
     return slice(start, start + sizes[name])
 
 
-def _pattern(matrix: ca.SX) -> np.ndarray:
-    return np.asarray(ca.DM(matrix.sparsity(), 1.0)).reshape(matrix.shape) != 0
+def _pattern(matrix: ca.SX) -> NDArray[np.bool_]:
+    return np.asarray(np.asarray(ca.DM(matrix.sparsity(), 1.0)).reshape(matrix.shape) != 0)
 
 
 def _samplers(lines: Formulas) -> tuple[ca.SX, ...]:

@@ -33,8 +33,8 @@ def budget_section(contents: Contents) -> Section:
     lead = _budget_lead(chosen)
     note = (
         "The low-frequency delay of an element is -d(phase)/dω at ω = 0 of that element alone: τ of a delay, 2ζ/ωₙ of "
-        "a second-order element, half a period of a hold that a continuous element reads (none where a block sampled at "
-        "the same instants reads the sequence). A lag far slower than the crossover shapes the loop and is no delay of "
+        "a second-order element, half a period of a hold that a continuous element reads (none where a block sampled "
+        "at the same instants reads the sequence). A lag far slower than the crossover shapes the loop and is no delay of "
         "it; an element that another way round by-passes is not added."
     )
     return Section(

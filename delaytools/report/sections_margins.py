@@ -1,6 +1,5 @@
 """The verdict: margins of every configuration beside the loop that flies."""
 
-
 from delaytools.report.contents import Contents
 from delaytools.report.figure_margins import draw_margins
 from delaytools.report.page import Section, Table

@@ -29,8 +29,8 @@ def diagram_section(contents: Contents) -> Section:
     lead = f"The loop has {count(len(diagram.boxes), 'block')}"
     lead += f", {len(bench)} of them bench equipment that does not fly ({listed(bench)})." if bench else "."
     note = (
-        "Where configurations change a value, its range is written; effects stand under the box at whose port they act, "
-        "in the configurations that have them."
+        "Where configurations change a value, its range is written; effects stand under the box at whose port they "
+        "act, in the configurations that have them."
     )
     caption = (
         f"The design's blocks and signals; the loop is opened at {contents.asked.at}."
@@ -224,7 +224,7 @@ def limits_section(contents: Contents) -> Section:
         if without:
             points.append(
                 f"Margins, roots and Nyquist curves were computed without {listed(list(without))}: effects that "
-                "depend on amplitude show in the runs alone, and can hold a limit cycle where the linear loop is stable."
+                "depend on amplitude show in the runs alone, and can hold a limit cycle where the linear one is stable."
             )
         for why in dict.fromkeys(row.why_approximate for row in answer.rows if row.why_approximate):
             points.append(

@@ -19,8 +19,8 @@ from delaytools.simulation.unroll import Call
 __all__ = ["Compiled", "compile_loop", "initial_state", "mapped_rows", "prepared_data", "run", "trimmed"]
 
 Array = NDArray[np.float64]
-ROWS_PER_CHUNK = 1000
-ROWS_PER_DATA_CHUNK = 300  # building a map of calls that gather costs more than running it
+ROWS_PER_CHUNK = 500
+ROWS_PER_DATA_CHUNK = 100  # building a map of calls that gather costs more than running it
 
 
 @final

@@ -9,6 +9,7 @@ from typing import final
 import casadi as ca
 
 from delaytools.analysis.margins import Margins
+from delaytools.blocks.block import Scalar
 
 __all__ = ["BandError", "GainMargin", "Goal", "MarginGoal", "ModulusMargin", "NoiseGain", "PhaseMargin", "Wishes"]
 
@@ -30,7 +31,7 @@ class MarginGoal(Goal):
     unit: str
 
     @abstractmethod
-    def outside(self, re: ca.MX, im: ca.MX, tighter: float) -> ca.MX:
+    def outside(self, re: ca.MX, im: ca.MX, tighter: Scalar) -> ca.MX:
         """At least 1 where L = re + j im lies outside the region to be kept clear, `tighter` times enlarged."""
 
     @abstractmethod
@@ -89,7 +90,7 @@ class PhaseMargin(MarginGoal):
     kind = "phase_margin"
     unit = "rad"
 
-    def outside(self, re: ca.MX, im: ca.MX, tighter: float) -> ca.MX:
+    def outside(self, re: ca.MX, im: ca.MX, tighter: Scalar) -> ca.MX:
         gain, phase = _nichols(re, im)
         return (gain / _NARROW) ** 2 + (phase / (tighter * self.least)) ** 2
 
@@ -115,7 +116,7 @@ class GainMargin(MarginGoal):
     kind = "gain_margin"
     unit = ""
 
-    def outside(self, re: ca.MX, im: ca.MX, tighter: float) -> ca.MX:
+    def outside(self, re: ca.MX, im: ca.MX, tighter: Scalar) -> ca.MX:
         gain, phase = _nichols(re, im)
         return (gain / (tighter * self.least_size)) ** 2 + (phase / _NARROW) ** 2
 
@@ -142,7 +143,7 @@ class ModulusMargin(MarginGoal):
     kind = "modulus_margin"
     unit = ""
 
-    def outside(self, re: ca.MX, im: ca.MX, tighter: float) -> ca.MX:
+    def outside(self, re: ca.MX, im: ca.MX, tighter: Scalar) -> ca.MX:
         return ((1 + re) ** 2 + im**2) / (tighter * self.least) ** 2
 
     def size(self, margins: Margins) -> float:

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise, product
-from typing import final
+from typing import Any, final
 
 import casadi as ca
 import numpy as np
@@ -16,7 +16,8 @@ __all__ = ["Problem", "Solution", "band_grid", "problem", "scenarios", "solve"]
 
 RealArray = NDArray[np.float64]
 _PENALTY = 100.0  # of a unit of violation, against a band error that is of the order 0.01 to 1
-_IPOPT = {
+_SNAP = 1e-4  # of a range: nearer to an end than an interior-point method tells apart from the end itself
+_IPOPT: dict[str, Any] = {
     "ipopt.print_level": 0, "print_time": False, "ipopt.sb": "yes", "ipopt.max_iter": 200, "ipopt.tol": 1e-9,
     "ipopt.hessian_approximation": "limited-memory", "error_on_fail": False,
 }  # fmt: skip
@@ -79,7 +80,8 @@ def problem(bench: Bench, wishes: Wishes, omega: RealArray) -> Problem:
     x, f = ca.vertcat(z, s), cost + _PENALTY * ca.sum1(s)
     g = ca.vertcat(*[part + s[i] for i, part in enumerate(kept)])
     formulas = ca.Function("goals", [x, t], [f, g])
-    solver = ca.nlpsol("tune", "ipopt", {"x": x, "p": t, "f": f, "g": g}, _IPOPT)
+    program: dict[str, Any] = {"x": x, "p": t, "f": f, "g": g}
+    solver = ca.nlpsol("tune", "ipopt", program, _IPOPT)
     return Problem(formulas, solver, low, high, bounded, rows)
 
 
@@ -102,7 +104,7 @@ class _Model:
     omega: RealArray
 
     def _p(self, scenario: Mapping[str, float]) -> ca.MX:
-        known = {**self.bench.nominal, **scenario, **self.varied}
+        known: dict[str, Any] = {**self.bench.nominal, **scenario, **self.varied}
         return ca.vertcat(*[known[path] for path in self.bench.paths])
 
     def _curve(self, function: ca.Function, p: ca.MX, omega: RealArray) -> tuple[ca.MX, ca.MX]:
@@ -147,9 +149,10 @@ def solve(program: Problem, values: Sequence[float], tighter: Sequence[float]) -
         x0=start, p=list(tighter), lbx=np.zeros(n + count), ubx=upper, lbg=np.zeros(rows), ubg=np.full(rows, np.inf)
     )
     x = np.asarray(answer["x"]).ravel()
+    z = np.clip(np.where(np.abs(x[:n] - np.round(x[:n])) < _SNAP, np.round(x[:n]), x[:n]), 0.0, 1.0)
     slack = np.maximum(x[n:], 0.0)
     g = np.asarray(answer["g"]).ravel()
     nearest = np.array([g[r].min(initial=np.inf) - s for r, s in zip(program.rows, slack, strict=True)])
-    found = program.low + np.clip(x[:n], 0.0, 1.0) * (program.high - program.low)
+    found = np.where(z == 1.0, program.high, program.low + z * (program.high - program.low))
     cost = float(answer["f"]) - _PENALTY * float(slack.sum())
     return Solution(found, cost, slack, nearest, str(program.solver.stats()["return_status"]))

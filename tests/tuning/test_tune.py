@@ -15,7 +15,16 @@ from delaytools.loop.loop import Element, Loop
 from delaytools.signals.expression import Expression
 from delaytools.signals.trouble import DesignError
 from delaytools.tuning.bench import Bench, noisy_blocks
-from delaytools.tuning.goals import BandError, GainMargin, Goal, MarginGoal, ModulusMargin, NoiseGain, PhaseMargin, Wishes
+from delaytools.tuning.goals import (
+    BandError,
+    GainMargin,
+    Goal,
+    MarginGoal,
+    ModulusMargin,
+    NoiseGain,
+    PhaseMargin,
+    Wishes,
+)
 from delaytools.tuning.problem import problem, scenarios
 from delaytools.tuning.tune import tune
 from tests.simulation.benches import element, roll_bench
@@ -102,7 +111,7 @@ def test_a_bench_with_more_margin_than_flight_is_called_optimistic() -> None:
     assert tune(LOOP, FLIGHT, wishes=wishes, at="fin_command").optimistic
 
 
-MARGINS: tuple[MarginGoal, ...] = (PhaseMargin(least=0.2), GainMargin(least=1.3), ModulusMargin(least=0.15))
+MARGINS: tuple[MarginGoal, ...] = (PhaseMargin(least=0.3), GainMargin(least=1.3), ModulusMargin(least=0.15))
 
 
 @pytest.mark.parametrize("goal", MARGINS, ids=lambda goal: goal.kind)
