@@ -11,6 +11,9 @@ from delaytools.cli.answers import write_json
 from delaytools.cli.reading import check_delay_port, delay_range, gain_range, load, log_columns, seconds
 from delaytools.signals.trouble import DelaytoolsError
 
+# The matrices here are small: threads in the linear algebra cost more than they bring, on a busy machine ten times more.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 __all__ = ["app", "run"]
 
 app = typer.Typer(
@@ -253,7 +256,9 @@ def fit(
 @app.command()
 def report(
     design: DesignPath,
-    out: Annotated[str, typer.Option("--out", metavar="DIR", help="Where the report is written.")] = "reports",
+    out: Annotated[
+        str, typer.Option("--out", metavar="DIR", help="Where the report is written.")
+    ] = "reports",
     tuning: Annotated[bool, typer.Option(help="Tune what [tuning] names first, and show it.")] = True,
     json: Json = None,
 ) -> None:
@@ -298,20 +303,31 @@ def run() -> None:
         _say(f"delaytools: {error}", quiet=True)
         sys.exit(2)
     except (KeyboardInterrupt, typer.Abort):
-        _say("delaytools: interrupted", quiet=True)
-        sys.exit(130)
+        code = 130
     except Exception as error:
         if hasattr(error, "format_message"):
             _say(_usage(error), quiet=True)
             sys.exit(2)
         if os.environ.get("DELAYTOOLS_TRACEBACK"):
             raise
-        advice = "this is a fault of delaytools, not of the input; DELAYTOOLS_TRACEBACK=1 shows where it happened"
+        advice = (
+            "this is a fault of delaytools, not of the input; DELAYTOOLS_TRACEBACK=1 shows where it happened"
+        )
         _say(f"delaytools: internal error: {type(error).__name__}: {error}; {advice}", quiet=True)
         sys.exit(2)
     if code == 130:
-        _say("delaytools: interrupted", quiet=True)
+        _interrupted()
     sys.exit(code if isinstance(code, int) else 0)
+
+
+def _interrupted() -> None:
+    """Say so, and let the exit status be 130.
+
+    Where the interrupt arrived inside an `exec` of some text (a dataclass in the making), CPython remembers it and
+    would end the process by the signal although it was caught; the next `exec` of a text makes it forget.
+    """
+    exec("")
+    _say("delaytools: interrupted", quiet=True)
 
 
 def _usage(error: Any) -> str:

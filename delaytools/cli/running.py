@@ -32,7 +32,7 @@ def drive(design: Any, loop: Any, log: Any, duration: float | None, seed: int | 
     if chosen < 0:
         raise DelaytoolsError("a seed is 0 or more", where="--seed", found=f"{chosen}")
     stimuli = dict(design_stimuli(design, loop, seed=chosen))
-    notes = []
+    notes: list[str] = []
     if log is not None:
         notes.extend(log_notes(log))
         for name in loop.externals:

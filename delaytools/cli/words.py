@@ -107,10 +107,19 @@ def run_lines(answer: Any) -> list[str]:
 def tuned_lines(answer: Any) -> list[str]:
     """Values after and before, then every goal in a sentence."""
     rows = [
-        [path, _number(item.value, form="{:.6g}"), _number(item.was, form="{:.6g}"), "end of range" if item.at_boundary else ""]
+        [
+            path,
+            _number(item.value, form="{:.6g}"),
+            _number(item.was, form="{:.6g}"),
+            "end of range" if item.at_boundary else "",
+        ]
         for path, item in answer.values.items()
     ]
-    verdict = [] if not answer.optimistic else ["the bench now shows more margin than the loop that flies: it is optimistic"]
+    verdict = (
+        []
+        if not answer.optimistic
+        else ["the bench now shows more margin than the loop that flies: it is optimistic"]
+    )
     return [*_table(["value", "tuned", "was", ""], rows), *(goal.words for goal in answer.goals), *verdict]
 
 
@@ -118,7 +127,15 @@ def fit_lines(answer: Any) -> list[str]:
     """The fitted system, its values with standard errors, and what it is not."""
     names = ["natural_frequency", "damping", "gain", "delay"]
     units = {"natural_frequency": "rad/s", "delay": "s"}
-    rows = [[n, _number(getattr(answer, n), form="{:.6g}"), _number(answer.std.get(n), form="{:.2g}"), units.get(n, "")] for n in names]
+    rows = [
+        [
+            n,
+            _number(getattr(answer, n), form="{:.6g}"),
+            _number(answer.std.get(n), form="{:.2g}"),
+            units.get(n, ""),
+        ]
+        for n in names
+    ]
     over = " ".join(f"{a:.6g}" for a in answer.denominator)
     head = f"numerator {answer.numerator[0]:.6g}, denominator {over}"
     return [head, *_table(["", "value", "std", "unit"], rows), answer.words]

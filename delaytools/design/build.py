@@ -8,7 +8,7 @@ from delaytools.design.configurations import configured, effect_places, override
 from delaytools.design.connections import check_connections
 from delaytools.design.design import Design
 from delaytools.design.elements import make_element
-from delaytools.design.entries import apply_effect
+from delaytools.design.entries import apply_effect, check_type
 from delaytools.design.faults import Faults
 from delaytools.design.parameters import Parameters, read_parameters
 from delaytools.design.values import number
@@ -88,6 +88,8 @@ def _with_effects(
     for index, table in enumerate(data.get("effects", [])):
         host = table["at"].partition(".")[0]
         if faulty and host in data.get("blocks", {}) and host not in made:
+            with faults.at(places[index]):
+                check_type(table["type"])
             continue
         with faults.at(places[index]):
             loop = apply_effect(loop, table, f"effects.{index}", known=known, parameters=parameters)

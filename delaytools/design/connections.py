@@ -65,8 +65,8 @@ def _check_linear(loop: Loop, element: Element, port: str, declared: set[str]) -
             found=shown(formula.text),
             advice="put the formula into an equations block",
         )
-    factors = ca.Function("factors", [column], [ca.jacobian(value, column)])(np.zeros(len(symbols)))
-    if not np.isfinite(np.asarray(factors)).all():
+    parts = ca.Function("parts", [column], [ca.jacobian(value, column), value])
+    if not all(np.isfinite(np.asarray(part)).all() for part in parts(np.ones(len(symbols)))):
         raise DesignError("a factor without a finite value", found=shown(formula.text))
 
 

@@ -110,7 +110,7 @@ class _Wiring:
         """The transports whose entry is made of held signals and of other such transports."""
         if not self.lines.net.loop.sampled:
             return []
-        mixed = np.hstack([_pattern(self.part("z", "x")), _pattern(self.part("z", "e"))]).any(axis=1)
+        mixed = np.asarray(np.hstack([_pattern(self.part("z", "x")), _pattern(self.part("z", "e"))]).any(axis=1))
         chained = _pattern(self.part("z", "w"))
         for _ in range(len(mixed)):
             mixed = mixed | (chained & mixed[None, :]).any(axis=1)

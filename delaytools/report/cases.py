@@ -12,9 +12,9 @@ from delaytools.loop.loop import Loop
 from delaytools.loop.values import resolve, value_paths
 from delaytools.report.signal_graph import reachable, signal_graph
 
-__all__ = ["Asked", "Case", "asked", "cases", "same_loop", "without_present"]
+__all__ = ["AS_WRITTEN", "Asked", "Case", "asked", "cases", "same_loop", "without_present"]
 
-AS_WRITTEN = "as written"
+AS_WRITTEN = "base design"
 
 
 @final

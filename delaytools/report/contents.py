@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from functools import partial
 from typing import TypeVar, final
 
 from delaytools.design.design import Design
@@ -80,24 +81,23 @@ def gather(design: Design, progress: Progress, extra: tuple[Compensation, ...] =
     removed = frozenset(design.tables.flight.remove)
     at = questions.at
     diagram = tries("diagram", "block diagram", lambda: layout(diagram_parts(design), at))
-    answer = tries("margins", "margins", lambda: verdict(every, questions)) if at else None
-    budgets, curves, nyquist, span = (), (), (), (0.0, 0.0)
+    answer = tries("margins", "margins", partial(verdict, every, questions)) if at else None
+    span = (0.0, 0.0)
+    budgets: tuple[Budget, ...] = ()
+    curves: tuple[DelayCurve, ...] = ()
+    nyquist: tuple[NyquistCurve, ...] = ()
     loci: tuple[Locus, ...] = ()
     if answer is not None:
         budgets = _kept(
-            tries(
-                "budget",
-                f"delay budget of {c.name}",
-                lambda c=c: budget(c, at, answer[c.name].bench, removed),
-            )
+            tries("budget", f"budget of {c.name}", partial(budget, c, at, answer[c.name].bench, removed))
             for c in every
         )
         span = delay_range(questions, [row.bench for row in answer.rows])
         curves = _kept(
-            tries("sweep", f"margins against delay, {f.name}", lambda f=f: delay_curve(f, questions, span))
+            tries("sweep", f"margins against delay, {f.name}", partial(delay_curve, f, questions, span))
             for f in families(every, questions)
         )
-        nyquist = tries("nyquist", "Nyquist curves", lambda: _nyquist(every, answer, at)) or ()
+        nyquist = tries("nyquist", "Nyquist curves", partial(_nyquist, every, answer, at)) or ()
         loci = _loci(tries, curves, answer, questions, span)
     runs = _runs(tries, design, every, questions)
     found = compensations(design, answer) if answer is not None else ()
@@ -120,7 +120,7 @@ def _loci(
 ) -> tuple[Locus, ...]:
     """The locus of the family that the weakest stable configuration belongs to."""
     chosen = [c for c in curves if answer.focus.name in dict(c.family.members)]
-    return _kept(tries("locus", "root locus", lambda c=c: locus(c, questions, span)) for c in chosen)
+    return _kept(tries("locus", "root locus", partial(locus, c, questions, span)) for c in chosen)
 
 
 def main_rows(answer: Verdict) -> tuple[MarginRow, ...]:
@@ -152,8 +152,7 @@ def _runs(tries: _Tries, design: Design, every: tuple[Case, ...], questions: Ask
     signals, demand = shown_signals(design, every[0].loop, questions)
     wanted = (*signals, *(name for name in demand if name))
     found: tuple[Run, ...] = _kept(
-        tries("runs", f"run of {case.name}", lambda case=case: run_case(design, case, wanted))
-        for case in every
+        tries("runs", f"run of {case.name}", partial(run_case, design, case, wanted)) for case in every
     )
     units = dict(every[0].loop.units)
     return Runs(found, signals, demand, units, design.tables.simulation.seed) if found else None

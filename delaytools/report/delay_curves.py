@@ -82,6 +82,8 @@ def delay_curve(family: Family, asked: Asked, span: tuple[float, float], points:
         for get in (lambda m: m.gain_margin, lambda m: m.phase_margin, lambda m: m.delay_margin)
     ]
     edges = [tau for pair in sweep.stable_delays for tau in pair if low < tau < high]
+    apart = np.array([all(abs(tau - edge) > 1e-6 * (high - low) for edge in edges) for tau in delays])
+    delays, columns = delays[apart], [column[apart] for column in columns]
     order = np.argsort(np.concatenate([delays, edges]), kind="stable")
     ends = ([1.0] * len(edges), [0.0] * len(edges), [0.0] * len(edges))
     gain, phase, delay = (

@@ -96,7 +96,7 @@ def route(
 ) -> Routed:
     """The wire of one signal to all its readers."""
     channels, lanes = places
-    lines = []
+    lines: list[tuple[Point, ...]] = []
     for pin in readers:
         straight = pin.channel == source.channel and abs(pin.y - source.y) < 0.01
         if straight:

@@ -89,7 +89,7 @@ def draw_waterfall(item: Budget, message: str) -> Figure:
     """Element by element: delay (left) and phase at the crossover (right), each bar starting where the last ended."""
     shown = [e for e in item.entries if e.series and (e.delay or e.phase)]
     figure = new_figure(1.1 + 0.225 * (len(shown) + 2))
-    left, right = axes_of(figure, 1, 2, sharey=True)[0]
+    left, right = axes_of(figure, 1, 2, share=(False, True))[0]
     added = [(e.delay or 0.0) * 1e3 if e.added else None for e in shown]
     _steps(left, shown, added, "{:.2f}")
     _steps(right, shown, [None if e.phase is None else math.degrees(e.phase) for e in shown], "{:.1f}")
@@ -100,11 +100,17 @@ def draw_waterfall(item: Budget, message: str) -> Figure:
     if item.delay_margin is not None:
         edge = (item.total + item.delay_margin) * 1e3
         left.axvline(edge, color="#009E73", ls="--", lw=1.2)
-        left.annotate(f"unstable from\n{edge:.1f} ms", (edge, 0), (-4, -2), textcoords="offset points",
-                      ha="right", va="center", fontsize=7, color="#00704f")  # fmt: skip
+        left.text(edge, 1.01, f"unstable from {edge:.1f} ms", transform=left.get_xaxis_transform(), ha="center",
+                  fontsize=7, color="#00704f")  # fmt: skip
     right.axvline(-180, color="#B00020", ls="--", lw=1.0)
-    right.annotate(
-        "-180 deg", (-180, 0), (4, 0), textcoords="offset points", fontsize=7, color="#B00020", va="center"
+    right.text(
+        -180,
+        1.01,
+        "-180 deg",
+        transform=right.get_xaxis_transform(),
+        ha="center",
+        fontsize=7,
+        color="#B00020",
     )
     right.invert_xaxis()
     title(figure, message)

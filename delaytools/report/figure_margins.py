@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -32,7 +33,7 @@ def draw_margins(verdict: Verdict, message: str) -> Figure:
     """One row for each configuration, one panel for each margin: the bench as a dot, flight as a tick."""
     names = [row.name for row in verdict.rows]
     figure = new_figure(1.1 + 0.22 * len(names))
-    panels = axes_of(figure, 1, 4, sharey=True)[0]
+    panels = axes_of(figure, 1, 4, share=(False, True))[0]
     for panel, (label, get) in zip(panels, _PANELS, strict=True):
         _margin_panel(panel, verdict, get)
         panel.set_xlabel(label)
@@ -58,7 +59,7 @@ def _margin_panel(panel: Axes, verdict: Verdict, get: object) -> None:
             panel.plot(flies, y, "|", color=INK, ms=11, mew=2.0, label="in flight", zorder=2)
         if bench is not None:
             hot = row.judgement == "optimistic"
-            look = {"marker": "D" if hot else "o", "color": "#D55E00" if hot else "#0072B2"}
+            look: dict[str, Any] = {"marker": "D" if hot else "o", "color": "#D55E00" if hot else "#0072B2"}
             word = "on the bench, optimistic" if hot else "on the bench"
             panel.plot(bench, y, ls="", ms=6, mec="white", mew=0.6, label=word, zorder=3, **look)
         else:
@@ -72,7 +73,7 @@ def draw_curves(curves: tuple[DelayCurve, ...], place: str, look: Mapping[str, s
     """Gain, phase and delay margin against the delay at the place; beneath, where each family is stable."""
     figure = new_figure(5.9)
     heights = [3, 3, 3, 0.35 + 0.32 * len(curves)]
-    panels = [row[0] for row in axes_of(figure, 4, 1, sharex=True, gridspec_kw={"height_ratios": heights})]
+    panels = [row[0] for row in axes_of(figure, 4, 1, share=(True, False), heights=heights)]
     lines = styles([curve.family.name for curve in curves])
     for curve in curves:
         colour = look[curve.family.members[0][0]]

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -14,7 +15,7 @@ from delaytools.report.style import FLIGHT, GREY, axes_of, in_style, new_figure,
 __all__ = ["draw_nyquist"]
 
 _MARKS = (0.1, 0.2, 0.5, 1, 2, 3, 5, 7, 10, 15, 20, 30, 50, 100, 200)
-_WIDE, _NEAR = 2.6, 0.75
+_WIDE = 2.6
 
 
 @in_style
@@ -24,7 +25,11 @@ def draw_nyquist(curves: tuple[NyquistCurve, ...], look: Mapping[str, str], mess
     wide, near = axes_of(figure, 1, 2)[0]
     for curve in curves:
         colour = FLIGHT if curve.flies else look[curve.name]
-        line = {"color": colour, "ls": "--" if curve.flies else "-", "lw": 1.2 if curve.flies else 1.5}
+        line: dict[str, Any] = {
+            "color": colour,
+            "ls": "--" if curve.flies else "-",
+            "lw": 1.2 if curve.flies else 1.5,
+        }
         label = f"{curve.name}, in flight" if curve.flies else curve.name
         for panel in (wide, near):
             panel.plot(curve.value.real, curve.value.imag, label=label if panel is wide else "", **line)
@@ -51,7 +56,7 @@ def draw_nyquist(curves: tuple[NyquistCurve, ...], look: Mapping[str, str], mess
 
 
 def _near_size(curves: tuple[NyquistCurve, ...]) -> float:
-    return float(np.clip(1.6 * max(c.modulus for c in curves), 0.3, _NEAR))
+    return float(np.clip(1.3 * max(c.modulus for c in curves), 0.3, 1.3))
 
 
 def _circles(wide: Axes, near: Axes, curves: tuple[NyquistCurve, ...]) -> None:

@@ -19,7 +19,7 @@ def draw_runs(runs: Runs, look: Mapping[str, str], message: str) -> Figure:
     """The first seconds of every run; columns share their axes, and a run that leaves them says so."""
     rows, columns = len(runs.runs), len(runs.signals)
     figure = new_figure(1.0 + 0.9 * rows)
-    grid = axes_of(figure, rows, columns, sharex=True, sharey="col")
+    grid = axes_of(figure, rows, columns, share=(True, "col"))
     for column, signal in enumerate(runs.signals):
         limit = _limit(runs, signal)
         for row, run in enumerate(runs.runs):

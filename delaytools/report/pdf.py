@@ -20,7 +20,7 @@ _LOADER = PackageLoader("delaytools.report", "templates")
 def pdf_bytes(page: Page) -> bytes:
     """The PDF, the same bytes for the same page: no date, no system fonts."""
     template = _LOADER.get_source(ENVIRONMENT, "report.typ")[0]
-    files = {"main": template.encode(), "page.json": json.dumps(_plain(page)).encode()}
+    files: Any = {"main": template.encode(), "page.json": json.dumps(_plain(page)).encode()}
     for section in page.sections:
         files |= {f"{figure.name}.svg": figure.svg.encode() for figure in section.figures}
     fonts = Path(matplotlib.get_data_path()) / "fonts" / "ttf"

@@ -34,8 +34,8 @@ def budget_section(contents: Contents) -> Section:
     note = (
         "The low-frequency delay of an element is -d(phase)/dω at ω = 0 of that element alone: τ of a delay, 2ζ/ωₙ of "
         "a second-order element, half a period of a hold that a continuous element reads (none where a block sampled "
-        "at the same instants reads the sequence). A lag far slower than the crossover shapes the loop and is no delay of "
-        "it; an element that another way round by-passes is not added."
+        "at the same instants reads the sequence). A lag far slower than the crossover shapes the loop and is no "
+        "delay of it; an element that another way round by-passes is not added."
     )
     return Section(
         "budget",
@@ -63,6 +63,8 @@ def _waterfall_message(item: Budget) -> str:
     if not named:
         return f"{item.name}: no element acts as a delay at the crossover"
     largest = max(named, key=lambda e: e.delay or 0.0)
+    if len(named) == 1:
+        return f"{item.name}: {largest.name} is the only delay, {(largest.delay or 0) * 1e3:.1f} ms"
     share = f"{(largest.delay or 0) * 1e3:.1f} of {item.total * 1e3:.1f} ms"
     return f"{item.name}: {largest.name} is the largest of {count(len(named), 'delay')}, {share}"
 

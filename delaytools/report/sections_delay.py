@@ -56,6 +56,8 @@ def _sweep_message(contents: Contents) -> str:
         return (
             "No loop is lost inside the sweep" if any(c.stable for c in contents.curves) else "Stable nowhere"
         )
+    if len(contents.curves) == 1:
+        return f"Margins fall to nothing at {min(lost)[0] * 1e3:.2f} ms"
     words = f"First to be lost: {min(lost)[1]}"
     kept = [c.family.name for c in contents.curves if c.stable and c.stable[-1][1] >= high]
     return words + (f"; kept to {high * 1e3:g} ms: {listed(kept)}" if kept else "")

@@ -99,10 +99,10 @@ def _verdict_words(contents: Contents) -> str:
                 f"{row.name} is OPTIMISTIC: the bench shows more {listed(list(row.optimistic_in))} than the loop that "
                 "flies, so it certifies a margin that the vehicle does not have."
             )
-    if weak.flight is not None and weak.bench.stable and weak.flight.stable:
+    if weak.flight is not None and weak.judgement == "pessimistic":
         parts.append(
             f"In {weak.name}, the weakest stable one, the bench leaves {margin_words(weak.bench)} where flight has "
-            f"{margin_words(weak.flight)}: what it shows there is the bench's delay, not the vehicle's."
+            f"{margin_words(weak.flight)}: the difference is the bench's, not the vehicle's."
         )
     for row in rows:
         if not row.bench.stable and row.flight is not None and row.flight.stable:

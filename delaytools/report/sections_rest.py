@@ -162,7 +162,7 @@ def _runs_message(runs: Runs) -> str:
 
 
 def _run_rows(run: Run, runs: Runs) -> list[tuple[str, ...]]:
-    rows = []
+    rows: list[tuple[str, ...]] = []
     for index, signal in enumerate(runs.signals):
         f = run.figures[signal]
         remark = (

@@ -1,8 +1,11 @@
 """Who reads whom: the elements of a loop as a directed graph, and its ways round."""
 
 from collections.abc import Iterable, Mapping
+from typing import Any
 
 from delaytools.loop.loop import Loop
+from delaytools.loop.values import parameter_values
+from delaytools.signals.expression import Expression
 
 __all__ = ["Graph", "longest_cycle", "on_cycles", "on_every_cycle", "reachable", "signal_graph", "strays"]
 
@@ -11,16 +14,24 @@ _STEPS = 50_000  # ways tried before the longest cycle found so far is taken
 
 
 def signal_graph(loop: Loop) -> dict[str, tuple[str, ...]]:
-    """element -> the elements that read one of its outputs, in the loop's order."""
+    """element -> the elements that read one of its outputs, with a factor other than 0, in the loop's order."""
+    numbers = parameter_values(loop, {})
     writers = {signal: name for signal, (name, _) in loop.writers.items()}
     found: dict[str, dict[str, None]] = {element.name: {} for element in loop.elements}
     for element in loop.elements:
-        names = [n for expression in element.inputs.values() for n in expression.names]
+        names = [n for expression in element.inputs.values() for n in _read(expression, numbers)]
         names += [n for placed in element.modifiers for n in placed.modifier.sources]
         for name in names:
             if name in writers:
                 found[writers[name]].setdefault(element.name)
     return {name: tuple(readers) for name, readers in found.items()}
+
+
+def _read(expression: Expression, numbers: Mapping[str, Any]) -> list[str]:
+    """The signals of a linear combination whose factor is not 0."""
+    names = [n for n in expression.names if n not in numbers]
+    rest = {**numbers, **dict.fromkeys(names, 0.0)}
+    return [n for n in names if float(expression.evaluate({**rest, n: 1.0})) != 0.0]
 
 
 def reachable(graph: Graph, start: str, without: Iterable[str] = ()) -> set[str]:

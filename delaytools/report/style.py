@@ -1,11 +1,10 @@
 """How figures look: sizes, a palette that colour-blind readers can tell apart, axes, and SVG as text."""
 
-import functools
 import io
 import re
 import textwrap
-from collections.abc import Callable, Sequence
-from typing import Any, ParamSpec
+from collections.abc import Sequence
+from typing import Any, Literal
 
 import matplotlib
 from matplotlib.axes import Axes
@@ -29,12 +28,13 @@ __all__ = [
     "title",
 ]
 
+Share = bool | Literal["none", "all", "row", "col"]
 WIDTH = 6.9  # inch, the text width of an A4 page
 INK, GREY, FLIGHT = "#1a1a1a", "#6b7280", "#000000"
 VEHICLE, BENCH = "#0072B2", "#D55E00"
 PALETTE = ("#0072B2", "#E69F00", "#009E73", "#D55E00", "#CC79A7", "#56B4E9", "#882255", "#8C6D1F", "#44AA99")
 LINES = ("-", "--", "-.", (0, (1, 1.2)), (0, (5, 1, 1, 1, 1, 1)))
-_LOOK: dict[str, Any] = {
+_LOOK: Any = {
     "font.family": "DejaVu Sans",
     "font.size": 8.0,
     "axes.titlesize": 8.5,
@@ -61,18 +61,8 @@ _LOOK: dict[str, Any] = {
 }
 
 
-Given = ParamSpec("Given")
-
-
-def in_style(draw: Callable[Given, Figure]) -> Callable[Given, Figure]:
-    """The drawing function with the report's look in force while it runs, and put back afterwards."""
-
-    @functools.wraps(draw)
-    def styled(*args: Given.args, **kwargs: Given.kwargs) -> Figure:
-        with matplotlib.rc_context(_LOOK):
-            return draw(*args, **kwargs)
-
-    return styled
+# decorates a drawing function: the report's look is in force while it runs, and put back afterwards
+in_style = matplotlib.rc_context(_LOOK)
 
 
 def new_figure(height: float, width: float = WIDTH) -> Figure:
@@ -82,9 +72,17 @@ def new_figure(height: float, width: float = WIDTH) -> Figure:
     return figure
 
 
-def axes_of(figure: Figure, rows: int = 1, columns: int = 1, **options: Any) -> list[list[Axes]]:
-    """A grid of axes in the report's look."""
-    grid = figure.subplots(rows, columns, squeeze=False, **options)
+def axes_of(
+    figure: Figure,
+    rows: int = 1,
+    columns: int = 1,
+    *,
+    share: tuple[Share, Share] = (False, False),
+    heights: Sequence[float] | None = None,
+) -> list[list[Axes]]:
+    """A grid of axes in the report's look; share: x and y, heights: of the rows."""
+    ratios = {"height_ratios": heights} if heights else None
+    grid = figure.subplots(rows, columns, squeeze=False, sharex=share[0], sharey=share[1], gridspec_kw=ratios)
     for axes in grid.ravel():
         axes.spines[["top", "right"]].set_visible(False)
     return [list(row) for row in grid]

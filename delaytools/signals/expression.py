@@ -74,7 +74,9 @@ class Expression:
             raise DesignError("a comment inside a formula", found=shown(self.text), advice="put it outside")
         try:
             return ast.parse(" ".join(self.text.split()), mode="eval").body
-        except (SyntaxError, ValueError, MemoryError, RecursionError) as error:
+        except (MemoryError, RecursionError) as error:
+            raise DesignError("a formula with too many terms", found=shown(self.text)) from error
+        except (SyntaxError, ValueError) as error:
             words = [word for word in _WORD.findall(self.text) if iskeyword(word)]
             if words:
                 advice = f"{words[0]} cannot be a name in a formula: rename it"

@@ -66,7 +66,7 @@ class Step(Stimulus):
         return (self.start,)
 
     def value(self, t: Array) -> Array:
-        return self.amplitude * (t >= self.start)
+        return self.amplitude * np.asarray(t >= self.start, dtype=np.float64)
 
 
 @final
@@ -80,10 +80,11 @@ class Pulse(Stimulus):
 
     @property
     def jumps(self) -> tuple[float, ...]:
-        return self.start, self.start + self.width
+        return self.start, _instant(self.start + self.width)
 
     def value(self, t: Array) -> Array:
-        return self.amplitude * ((t >= self.start) & (t < self.start + self.width))
+        start, end = self.jumps
+        return self.amplitude * np.asarray((t >= start) & (t < end), dtype=np.float64)
 
 
 @final
@@ -97,12 +98,17 @@ class Doublet(Stimulus):
 
     @property
     def jumps(self) -> tuple[float, ...]:
-        return self.start, self.start + self.width, self.start + 2 * self.width
+        return self.start, _instant(self.start + self.width), _instant(self.start + 2 * self.width)
 
     def value(self, t: Array) -> Array:
-        first = (t >= self.start) & (t < self.start + self.width)
-        second = (t >= self.start + self.width) & (t < self.start + 2 * self.width)
+        start, middle, end = self.jumps
+        first, second = (t >= start) & (t < middle), (t >= middle) & (t < end)
         return self.amplitude * (first.astype(float) - second)
+
+
+def _instant(t: float) -> float:
+    """A time (s) without the rounding of a sum: 0.1 + 2·0.1 is 0.3."""
+    return round(t, 12)
 
 
 @final

@@ -8,7 +8,16 @@ from delaytools.design.design import Design
 from delaytools.design.faults import Faults
 from delaytools.design.values import number
 from delaytools.signals.trouble import DesignError
-from delaytools.tuning.goals import BandError, GainMargin, Goal, ModulusMargin, NoiseGain, PhaseMargin, Range, Wishes
+from delaytools.tuning.goals import (
+    BandError,
+    GainMargin,
+    Goal,
+    ModulusMargin,
+    NoiseGain,
+    PhaseMargin,
+    Range,
+    Wishes,
+)
 
 __all__ = ["GOAL_KEYS", "design_wishes"]
 
@@ -35,7 +44,9 @@ def design_wishes(design: Design) -> Wishes:
             goals.append(_goal(raw_goal))
     faults.settle()
     if not vary or not goals:
-        raise DesignError("the design wishes nothing", where=f"{design.name}: tuning", advice="give vary and goals")
+        raise DesignError(
+            "the design wishes nothing", where=f"{design.name}: tuning", advice="give vary and goals"
+        )
     return Wishes(vary, tuple(goals))
 
 
@@ -52,9 +63,13 @@ def _goal(table: Mapping[str, Any]) -> Goal:
 
 def _band_error(table: Mapping[str, Any], over: Mapping[str, Range]) -> Goal:
     if "band" not in table:
-        raise DesignError("missing required value", found="a band_error without band", advice="give band in Hz")
+        raise DesignError(
+            "missing required value", found="a band_error without band", advice="give band in Hz"
+        )
     most = number(table["max"], "") if "max" in table else None
-    return BandError(band=_range(table["band"], "Hz"), weight=number(table.get("weight", 1.0), ""), most=most, over=over)
+    return BandError(
+        band=_range(table["band"], "Hz"), weight=number(table.get("weight", 1.0), ""), most=most, over=over
+    )
 
 
 def _noise_gain(table: Mapping[str, Any], over: Mapping[str, Range]) -> Goal:
@@ -93,7 +108,9 @@ _MAKERS: dict[str, Callable[[Mapping[str, Any], Mapping[str, Range]], Goal]] = {
 
 def _bound(table: Mapping[str, Any], key: str, unit: str) -> float:
     if key not in table:
-        raise DesignError("missing required value", found=f"a {table['type']} without {key}", advice=f"give {key}")
+        raise DesignError(
+            "missing required value", found=f"a {table['type']} without {key}", advice=f"give {key}"
+        )
     return number(table[key], unit)
 
 

@@ -13,12 +13,16 @@ from tests.design.test_files import DESIGNS, TEXTS
 
 DEAD_BAND = {"type": "dead_band", "at": "actuator.input", "half_width": "0.3 deg"}
 CHANGE = {"type": "parameter_change:denominator[1]", "at": "airframe", "denominator[1]": 2.5}
-BIG = BENCH + DRIVE + (
-    "\n# --- effects\n[[effects]]            # first\n"
-    'type = "delay"\nat = "actuator.input"\ndelay = "2 ms"   # measured\n\n'
-    "# the actuator's gears\n[[effects]]\n"
-    'type = "dead_band"\nat = "actuator.output"\nhalf_width = 0.1\n\n'
-    '[configurations.late]\nset = { "actuator.damping" = 0.4 }   # softer\n'
+BIG = (
+    BENCH
+    + DRIVE
+    + (
+        "\n# --- effects\n[[effects]]            # first\n"
+        'type = "delay"\nat = "actuator.input"\ndelay = "2 ms"   # measured\n\n'
+        "# the actuator's gears\n[[effects]]\n"
+        'type = "dead_band"\nat = "actuator.output"\nhalf_width = 0.1\n\n'
+        '[configurations.late]\nset = { "actuator.damping" = 0.4 }   # softer\n'
+    )
 )
 
 
@@ -30,7 +34,12 @@ def changed(before: Design, after: Design) -> tuple[list[str], list[str]]:
 
 VALUES = [
     ("actuator.damping", 0.5, "damping = 0.6\n", "damping = 0.5\n"),
-    ("actuator.natural_frequency", "25 Hz", 'natural_frequency = "180 rad/s"\n', 'natural_frequency = "25 Hz"\n'),
+    (
+        "actuator.natural_frequency",
+        "25 Hz",
+        'natural_frequency = "180 rad/s"\n',
+        'natural_frequency = "25 Hz"\n',
+    ),
     ("parameters.kp", 0.05, "kp = 0.045\n", "kp = 0.05\n"),
     ("airframe.denominator[1]", 3.5, "denominator = [1.0, 2.0]\n", "denominator = [1.0, 3.5]\n"),
     ("airframe.numerator", [1.0, 2.0], "numerator = [900.0]\n", "numerator = [1.0, 2.0]\n"),

@@ -53,20 +53,32 @@ FAULTS = {
         spoilt("kp*rate", "demand*rate"),
         ("blocks.autopilot.input", "linear combination", "'demand - demand*rate'", "equations block"),
     ),
-    "function of a signal": (spoilt('input = "fin"', 'input = "abs(fin)"'), ("blocks.airframe.input", "linear")),
+    "function of a signal": (
+        spoilt('input = "fin"', 'input = "abs(fin)"'),
+        ("blocks.airframe.input", "linear"),
+    ),
     "input without a signal": (spoilt('"demand - kp*rate"', '"3*kp"'), ("reads no signal", "name a signal")),
-    "no input": (spoilt('input = "fin"\n', ""), ("blocks.airframe.input", "missing required value", "input =")),
+    "no input": (
+        spoilt('input = "fin"\n', ""),
+        ("blocks.airframe.input", "missing required value", "input ="),
+    ),
     "no output": (spoilt('output = "fin"\n', ""), ("blocks.actuator.output", "missing required value")),
     "input and inputs": (
         spoilt('input = "fin"\n', 'input = "fin"\ninputs = ["fin"]\n'),
         ("blocks.airframe", "both input and inputs", "give one"),
     ),
-    "too many signals": (spoilt('input = "fin"\n', 'inputs = ["fin", "rate"]\n'), ("found 2", "give 1, for input")),
+    "too many signals": (
+        spoilt('input = "fin"\n', 'inputs = ["fin", "rate"]\n'),
+        ("found 2", "give 1, for input"),
+    ),
     "unknown port": (
         spoilt('input = "fin"\n', 'inputs = { inptu = "fin" }\n'),
         ("blocks.airframe.input", "unknown port", "'inptu'", "known: input", "nearest: input"),
     ),
-    "output that is a formula": (spoilt('output = "fin"\n', 'output = "2*fin"\n'), ("'2*fin' cannot be the name",)),
+    "output that is a formula": (
+        spoilt('output = "fin"\n', 'output = "2*fin"\n'),
+        ("'2*fin' cannot be the name",),
+    ),
     "algebraic loop": (
         BENCH + ALGEBRAIC.format(kind="gain", value="gain = 2.0"),
         ("algebraic loop", "g -> h -> g", "dynamics or a delay"),
@@ -92,20 +104,38 @@ FAULTS = {
         spoilt("kp = 0.045", "kp = 0.045\nlambda = 3"),
         ("parameters.lambda", "cannot be the name", "choose another"),
     ),
-    "parameter that is π": (spoilt("kp = 0.045", "kp = 0.045\npi = 3"), ("parameters.pi", "cannot be the name")),
-    "block name with a dot": (spoilt("[blocks.actuator]", '[blocks."a.b"]'), ("'a.b' cannot be the name of a block",)),
-    "block named parameters": (spoilt("[blocks.actuator]", "[blocks.parameters]"), ("cannot be the name of a block",)),
+    "parameter that is π": (
+        spoilt("kp = 0.045", "kp = 0.045\npi = 3"),
+        ("parameters.pi", "cannot be the name"),
+    ),
+    "block name with a dot": (
+        spoilt("[blocks.actuator]", '[blocks."a.b"]'),
+        ("'a.b' cannot be the name of a block",),
+    ),
+    "block named parameters": (
+        spoilt("[blocks.actuator]", "[blocks.parameters]"),
+        ("cannot be the name of a block",),
+    ),
     # types and values
     "unknown block type": (
         spoilt('"second_order"', '"secondorder"'),
-        ("blocks.actuator.type", "unknown block type", "'secondorder'", "known: backlash", "nearest: second_order"),
+        (
+            "blocks.actuator.type",
+            "unknown block type",
+            "'secondorder'",
+            "known: backlash",
+            "nearest: second_order",
+        ),
     ),
     "no type": (spoilt('type = "second_order"\n', ""), ("blocks.actuator.type", "missing required value")),
     "unknown value": (
         spoilt("damping = 0.6", "damping = 0.6\ngian = 2"),
         ("blocks.actuator.gian", "unknown value", "'gian'", "known: damping, gain", "nearest: gain"),
     ),
-    "missing value": (spoilt("damping = 0.6\n", ""), ("blocks.actuator.damping", "missing required value", "give damping")),
+    "missing value": (
+        spoilt("damping = 0.6\n", ""),
+        ("blocks.actuator.damping", "missing required value", "give damping"),
+    ),
     "missing value with a unit": (
         spoilt('natural_frequency = "180 rad/s"\n', ""),
         ("blocks.actuator.natural_frequency", "give natural_frequency (in rad/s)"),
@@ -118,10 +148,16 @@ FAULTS = {
     "not a number": (spoilt("0.6", "nan"), ("blocks.actuator.damping", "not a number")),
     "true is no number": (spoilt("0.6", "true"), ("blocks.actuator.damping", "a number is wanted", "True")),
     "list for a number": (spoilt("0.6", "[0.6]"), ("blocks.actuator.damping", "one number")),
-    "number for a list": (spoilt("[900.0]", "900.0"), ("blocks.airframe.numerator", "a list of numbers", "900.0")),
+    "number for a list": (
+        spoilt("[900.0]", "900.0"),
+        ("blocks.airframe.numerator", "a list of numbers", "900.0"),
+    ),
     "matrix for a list": (spoilt("[900.0]", "[[900.0]]"), ("blocks.airframe.numerator", "a list of numbers")),
     "empty list": (spoilt("[1.0, 2.0]", "[]"), ("blocks.airframe.denominator", "a list without numbers")),
-    "not proper": (spoilt("[900.0]", "[9, 9, 9]"), ("blocks.airframe", "not proper", "degree 2 over degree 1")),
+    "not proper": (
+        spoilt("[900.0]", "[9, 9, 9]"),
+        ("blocks.airframe", "not proper", "degree 2 over degree 1"),
+    ),
     "leading zero": (spoilt("[1.0, 2.0]", "[0, 2]"), ("blocks.airframe", "highest coefficient is zero")),
     "unknown name in a value": (
         spoilt("0.6", '"2*kq"'),
@@ -130,7 +166,13 @@ FAULTS = {
     # units
     "unknown unit": (
         spoilt('"180 rad/s"', '"180 rad/sec"'),
-        ("blocks.actuator.natural_frequency", "unknown unit in 'rad/sec'", "'sec'", "known: rad", "nearest: s"),
+        (
+            "blocks.actuator.natural_frequency",
+            "unknown unit in 'rad/sec'",
+            "'sec'",
+            "known: rad",
+            "nearest: s",
+        ),
     ),
     "unknown unit of a signal": (
         spoilt('rate = "deg/s"', 'rate = "degs/s"'),
@@ -140,7 +182,10 @@ FAULTS = {
         spoilt('"180 rad/s"', '"180 s"'),
         ("blocks.actuator.natural_frequency", "wrong dimension", "'180 s'", "give it in rad/s"),
     ),
-    "wrong dimension of a time": (spoilt('"5 ms"', '"5 deg"'), ("blocks.autopilot.period", "'5 deg'", "in s")),
+    "wrong dimension of a time": (
+        spoilt('"5 ms"', '"5 deg"'),
+        ("blocks.autopilot.period", "'5 deg'", "in s"),
+    ),
     # the frame
     "frame of 0": (spoilt('frame = "1 ms"', "frame = 0"), ("frame", "above 0", "found 0")),
     "negative frame": (spoilt('frame = "1 ms"', 'frame = "-1 ms"'), ("frame", "above 0", "'-1 ms'")),
@@ -157,23 +202,38 @@ FAULTS = {
         spoilt("kp = 0.045", 'kp = 0.045\nkq = "2*kz"'),
         ("parameters.kq", "unknown name", "'kz'", "known: kp, kq"),
     ),
-    "parameter with an unknown unit": (spoilt("kp = 0.045", 'kp = "3 degs"'), ("parameters.kp", "nearest: deg")),
-    "parameter divided by zero": (spoilt("kp = 0.045", 'kp = "1/0"'), ("parameters.kp", "division by zero", "'1/0'")),
+    "parameter with an unknown unit": (
+        spoilt("kp = 0.045", 'kp = "3 degs"'),
+        ("parameters.kp", "nearest: deg"),
+    ),
+    "parameter divided by zero": (
+        spoilt("kp = 0.045", 'kp = "1/0"'),
+        ("parameters.kp", "division by zero", "'1/0'"),
+    ),
     "logarithm of -1": (spoilt("kp = 0.045", 'kp = "log(-1)"'), ("parameters.kp", "without a finite value")),
     "root of -1": (spoilt("kp = 0.045", 'kp = "(-1)**0.5"'), ("parameters.kp", "no real number")),
     "overflow": (spoilt("kp = 0.045", 'kp = "9.0**9**9"'), ("parameters.kp", "too large")),
     # tables and keys
-    "unknown table": (BENCH + "[input]\na = 1\n", ("input", "unknown key", "known: title", "nearest: inputs")),
+    "unknown table": (
+        BENCH + "[input]\na = 1\n",
+        ("input", "unknown key", "known: title", "nearest: inputs"),
+    ),
     "unknown key": (BENCH + "[simulation]\nduratoin = 1\n", ("simulation.duratoin", "nearest: duration")),
     "key at the wrong place": ("foo = 1\n" + BENCH, ("foo", "unknown key", "the table it belongs to")),
-    "one effect as a table": (BENCH + '[effects]\ntype = "delay"\n', ("effects", "a list is wanted", "[[effects]]")),
+    "one effect as a table": (
+        BENCH + '[effects]\ntype = "delay"\n',
+        ("effects", "a list is wanted", "[[effects]]"),
+    ),
     "no blocks": ('title = "x"\n', ("without blocks", "[blocks.NAME]")),
     # effects
     "unknown effect": (
         effect('type = "dely"', 'at = "actuator.input"'),
         ("effects.0", "unknown effect type", "'dely'", "known: backlash", "nearest: delay"),
     ),
-    "effect without a place": (effect('type = "delay"', "delay = 0.1"), ("effects.0.at", "missing required value")),
+    "effect without a place": (
+        effect('type = "delay"', "delay = 0.1"),
+        ("effects.0.at", "missing required value"),
+    ),
     "unknown port of an effect": (
         effect('type = "delay"', 'at = "actuator.inptu"', "delay = 0.1"),
         ("effects.0", "unknown port", "'actuator.inptu'", "known: actuator.input", "nearest: actuator.input"),
@@ -194,7 +254,10 @@ FAULTS = {
         effect('type = "delay"', 'at = "actuator.input"', 'delay = "-5 ms"'),
         ("effects.0", "outside its bounds", "'-5 ms'", "0 or more"),
     ),
-    "infinite delay": (effect('type = "delay"', 'at = "fin.input"', "delay = inf").replace("fin.", "actuator."), ("infinite",)),
+    "infinite delay": (
+        effect('type = "delay"', 'at = "fin.input"', "delay = inf").replace("fin.", "actuator."),
+        ("infinite",),
+    ),
     "effect with a wrong dimension": (
         effect('type = "dead_band"', 'at = "actuator.input"', 'half_width = "3 ms"'),
         ("effects.0", "wrong dimension", "'3 ms'", "give it in deg"),
@@ -208,7 +271,7 @@ FAULTS = {
         ("effects.0", "cannot act here", "kind input", "known: derivative"),
     ),
     "delay at a derivative": (
-        effect('type = "delay"', "at = \"actuator.rate'\"", "delay = 0.1"),
+        effect('type = "delay"', 'at = "actuator.rate\'"', "delay = 0.1"),
         ("effects.0", "cannot act here", "kind derivative", "known: input, output"),
     ),
     "delay at a whole block": (
@@ -248,7 +311,10 @@ FAULTS = {
         drive("viscous*v)", "viscus*v)"),
         ("blocks.drive.rates.v", "unknown name", "'viscus'", "nearest: viscous"),
     ),
-    "signal that does not enter": (drive("viscous*v)", "fin*v)"), ("blocks.drive.rates.v", "'fin'", "through its inputs")),
+    "signal that does not enter": (
+        drive("viscous*v)", "fin*v)"),
+        ("blocks.drive.rates.v", "'fin'", "through its inputs"),
+    ),
     "clash inside a formula": (
         drive("viscous = 203.5", "viscous = 203.5, kp = 1").replace("(u - ", "(kp*u - "),
         ("blocks.drive", "one name with two meanings", "kp", "rename"),
@@ -257,16 +323,31 @@ FAULTS = {
         drive('{ u = "rate" }', '{ u = "rate", v = "fin" }'),
         ("blocks.drive", "one name with two meanings", "found v"),
     ),
-    "state without a rate": (drive('q = "v", ', ""), ("blocks.drive", "every state needs one rate", "found q")),
-    "no outputs": (drive('outputs = { position = "q" }\n', ""), ("blocks.drive.outputs", "missing required value")),
+    "state without a rate": (
+        drive('q = "v", ', ""),
+        ("blocks.drive", "every state needs one rate", "found q"),
+    ),
+    "no outputs": (
+        drive('outputs = { position = "q" }\n', ""),
+        ("blocks.drive.outputs", "missing required value"),
+    ),
     "unknown key of equations": (
         drive("states =", "state ="),
         ("blocks.drive.state", "unknown value", "known: inputs, states", "nearest: states"),
     ),
-    "rates as text": (drive('rates = { q = "v", v = "(u - viscous*v)/mass" }', 'rates = "v"'), ("blocks.drive.rates", "rates = {")),
+    "rates as text": (
+        drive('rates = { q = "v", v = "(u - viscous*v)/mass" }', 'rates = "v"'),
+        ("blocks.drive.rates", "rates = {"),
+    ),
     "input that is a number": (drive('"rate" }', "3 }"), ("blocks.drive.inputs.u", "found 3")),
-    "non-linear input of equations": (drive('"rate" }', '"rate*fin" }'), ("blocks.drive.u", "linear combination")),
-    "true as a formula": (drive('q = "v"', "q = true"), ("blocks.drive.rates.q", "a formula is wanted", "True")),
+    "non-linear input of equations": (
+        drive('"rate" }', '"rate*fin" }'),
+        ("blocks.drive.u", "linear combination"),
+    ),
+    "true as a formula": (
+        drive('q = "v"', "q = true"),
+        ("blocks.drive.rates.q", "a formula is wanted", "True"),
+    ),
     # configurations
     "extend in a circle": (BENCH + CIRCLE, ("configurations.two.extend", "circle", "one -> two -> one")),
     "extend of nothing": (
@@ -277,9 +358,15 @@ FAULTS = {
         overriding("actuator.dampng"),
         ("configurations.late.set", "unknown path", "'actuator.dampng'", "nearest: actuator.damping"),
     ),
-    "override of an unknown block": (overriding("actuater.damping"), ("configurations.late.set", "nearest: actuator")),
+    "override of an unknown block": (
+        overriding("actuater.damping"),
+        ("configurations.late.set", "nearest: actuator"),
+    ),
     "override of an unknown parameter": (overriding("parameters.kq"), ("known: parameters.kp",)),
-    "override of an effect that is not there": (overriding("effects.0.delay"), ("unknown path", "no [[effects]]")),
+    "override of an effect that is not there": (
+        overriding("effects.0.delay"),
+        ("unknown path", "no [[effects]]"),
+    ),
     "override of an element that is not there": (
         overriding("airframe.denominator[5]"),
         ("no such element", "known: airframe.denominator[0], airframe.denominator[1]", "from 0"),
@@ -305,7 +392,10 @@ FAULTS = {
         driven('{ type = "stp", amplitude = 1.0 }'),
         ("inputs.demand", "unknown type", "'stp'", "known: step", "nearest: step"),
     ),
-    "input without a type": (driven("{ amplitude = 1.0 }"), ("inputs.demand", "missing required value", "type =")),
+    "input without a type": (
+        driven("{ amplitude = 1.0 }"),
+        ("inputs.demand", "missing required value", "type ="),
+    ),
     "type that is a list": (driven('{ type = ["step"] }'), ("inputs.demand", "unknown type", "['step']")),
     "missing key of an input": (
         driven('{ type = "doublet", amplitude = 1.0 }'),
@@ -342,7 +432,8 @@ FAULTS = {
         ("flight.remove.0", "nothing of that name", "'actuater'", "nearest: actuator"),
     ),
     "removal of an unknown effect": (
-        effect('type = "delay"', 'at = "actuator.input"', "delay = 0.1") + '[flight]\nremove = ["dely@actuator.input"]\n',
+        effect('type = "delay"', 'at = "actuator.input"', "delay = 0.1")
+        + '[flight]\nremove = ["dely@actuator.input"]\n',
         ("flight.remove.0", "unknown effect", "nearest: delay@actuator.input"),
     ),
     "tolerance of nothing": (
@@ -362,21 +453,39 @@ FAULTS = {
         BENCH + '[analysis]\nat = "fin_comand"\n',
         ("analysis.at", "unknown signal", "'fin_comand'", "nearest: fin_command"),
     ),
-    "analysis at an input": (BENCH + '[analysis]\nat = "demand"\n', ("analysis.at", "no block writes", "known: fin_command")),
+    "analysis at an input": (
+        BENCH + '[analysis]\nat = "demand"\n',
+        ("analysis.at", "no block writes", "known: fin_command"),
+    ),
     "delay at nothing": (
         BENCH + '[analysis]\ndelay_at = "actuator.inptu"\n',
         ("analysis.delay_at", "unknown port", "nearest: actuator.input"),
     ),
-    "delay at a rate": (BENCH + '[analysis]\ndelay_at = "actuator.rate"\n', ("analysis.delay_at", "write actuator.input")),
+    "delay at a rate": (
+        BENCH + '[analysis]\ndelay_at = "actuator.rate"\n',
+        ("analysis.delay_at", "write actuator.input"),
+    ),
     "tuning of nothing": (
         BENCH + "[tuning]\nvary = { kq = [0.1, 0.2] }\n",
         ("tuning.vary.kq", "no such value", "'kq'", "nearest: kp"),
     ),
-    "tuning downwards": (BENCH + "[tuning]\nvary = { kp = [0.2, 0.1] }\n", ("tuning.vary.kp", "lower to a higher")),
+    "tuning downwards": (
+        BENCH + "[tuning]\nvary = { kp = [0.2, 0.1] }\n",
+        ("tuning.vary.kp", "lower to a higher"),
+    ),
     "goal without a type": (BENCH + "[tuning]\ngoals = [ { max = 3 } ]\n", ("tuning.goals.0", "type")),
-    "run of no length": (BENCH + "[simulation]\nduration = -1\n", ("simulation.duration", "longer than 0", "-1")),
-    "duration in degrees": (BENCH + '[simulation]\nduration = "1 deg"\n', ("simulation.duration", "wrong dimension")),
-    "seed with a fraction": (BENCH + "[simulation]\nseed = 1.5\n", ("simulation.seed", "whole number", "1.5")),
+    "run of no length": (
+        BENCH + "[simulation]\nduration = -1\n",
+        ("simulation.duration", "longer than 0", "-1"),
+    ),
+    "duration in degrees": (
+        BENCH + '[simulation]\nduration = "1 deg"\n',
+        ("simulation.duration", "wrong dimension"),
+    ),
+    "seed with a fraction": (
+        BENCH + "[simulation]\nseed = 1.5\n",
+        ("simulation.seed", "whole number", "1.5"),
+    ),
     # the text itself
     "no TOML": (BENCH + "[blocks.gyro\n", ("not a TOML file", "line", "mend the line")),
     "one table twice": (BENCH + '[blocks.actuator]\ntype = "gain"\n', ("not a TOML file", "line")),
@@ -421,8 +530,8 @@ FORBIDDEN = {
     "sin": "write sin(…)",
     "1e400*demand": "too large",
     "9**9**9**9*demand": "too large",
-    "demand/0": "division by zero",
-    "-" * 3000 + "demand": "not a formula",
+    "demand/0": "without a finite value",
+    "-" * 3000 + "demand": "too many terms",
     "+".join(["demand"] * 5000): "too many terms",
 }
 
@@ -444,7 +553,7 @@ def test_several_faults_are_all_said() -> None:
     with pytest.raises(DelaytoolsError) as caught:
         loaded(text)
     message = str(caught.value)
-    assert message.startswith("bench.toml: 6 faults\n") or message.startswith("bench.toml: 7 faults\n"), message
+    assert message.startswith("bench.toml: 7 faults\n"), message
     for word in ("secondorder", "abs(rate)", "numerater", "denominater", "missing", "dely", "inptu"):
         assert word in message, message
     assert len(message.splitlines()) == 1 + len(caught.value.each)
@@ -459,13 +568,17 @@ def test_both_wrong_values_of_a_block_are_said() -> None:
 
 def test_nothing_is_said_of_effects_at_a_faulty_block() -> None:
     with pytest.raises(DelaytoolsError) as caught:
-        loaded(effect('type = "delay"', 'at = "actuator.input"', "delay = 0.1").replace('"second_order"', '"x"'))
+        loaded(
+            effect('type = "delay"', 'at = "actuator.input"', "delay = 0.1").replace('"second_order"', '"x"')
+        )
     assert "effects.0" not in str(caught.value)
 
 
 @pytest.mark.parametrize("name", ["one", "nope"])
 def test_a_chosen_configuration_that_cannot_be(name: str) -> None:
-    with pytest.raises(DelaytoolsError, match="bench.toml: .*(circle|unknown configuration; found 'nope'; known: one, two)"):
+    with pytest.raises(
+        DelaytoolsError, match=r"bench.toml: .*(circle|unknown configuration; found 'nope'; known: one, two)"
+    ):
         loaded(BENCH + CIRCLE, name)
 
 
@@ -507,6 +620,8 @@ def test_a_log_column_for_no_signal_is_a_warning() -> None:
 
 
 def test_signals_that_only_differ_by_an_axis_are_no_slips() -> None:
-    text = spoilt('input = "fin"\n', 'input = "fin + gust_y + fin2"\n').replace("demand - ", "demand + gust_z - ")
+    text = spoilt('input = "fin"\n', 'input = "fin + gust_y + fin2"\n').replace(
+        "demand - ", "demand + gust_z - "
+    )
     text = text.replace('rate = "deg/s"', 'rate = "deg/s"\ngust_z = "deg"')
     loaded(text)

@@ -80,7 +80,9 @@ def test_files_that_are_no_design(content: bytes, word: str, tmp_path: Path) -> 
 
 def test_a_file_that_is_not_there(tmp_path: Path) -> None:
     (tmp_path / "roll_bench.toml").write_text(BENCH)
-    with pytest.raises(DelaytoolsError, match="no such file; found roll_bnch.toml.*nearest: roll_bench.toml"):
+    with pytest.raises(
+        DelaytoolsError, match=r"no such file; found roll_bnch.toml.*nearest: roll_bench.toml"
+    ):
         read_design(tmp_path / "roll_bnch.toml")
     with pytest.raises(DelaytoolsError, match="Is a directory"):
         read_design(tmp_path)

@@ -96,7 +96,9 @@ def test_a_formula_of_parameters_with_units_is_in_the_unit_of_its_place(
 
 
 def test_a_frequency_in_hertz_as_a_parameter() -> None:
-    text = effect('type = "periodic_interference"', 'at = "actuator.output"', "amplitude = 1.0", 'frequency = "f"')
+    text = effect(
+        'type = "periodic_interference"', 'at = "actuator.output"', "amplitude = 1.0", 'frequency = "f"'
+    )
     found = value_paths(build(parse_design(text.replace("kp = 0.045", 'kp = 0.045\nf = "7 Hz"'))))
     assert found["effects.0.frequency"] == pytest.approx(7.0, rel=1e-14)
 
@@ -114,13 +116,17 @@ def test_states_of_equations_start_in_the_unit_of_their_signal() -> None:
 
 
 def test_overrides_reach_every_kind_of_value() -> None:
-    text = BENCH + DRIVE + (
-        '\n[[effects]]\ntype = "delay"\nat = "actuator.input"\ndelay = "2 ms"\n'
-        '[configurations.base]\nset = { "actuator.damping" = 0.4, "parameters.kp" = 0.05 }\n'
-        'effects = [ { type = "dead_band", at = "actuator.input", half_width = "0.3 deg" } ]\n'
-        '[configurations.late]\nextend = "base"\n'
-        'set = { "actuator.damping" = 0.3, "actuator.gain" = 1.1, "effects.0.delay" = "3 ms", "drive.mass" = 90.0, '
-        '"drive.q" = 0.5, "airframe.denominator[1]" = 3.0, "effects.1.half_width" = "0.4 deg" }\n'
+    text = (
+        BENCH
+        + DRIVE
+        + (
+            '\n[[effects]]\ntype = "delay"\nat = "actuator.input"\ndelay = "2 ms"\n'
+            '[configurations.base]\nset = { "actuator.damping" = 0.4, "parameters.kp" = 0.05 }\n'
+            'effects = [ { type = "dead_band", at = "actuator.input", half_width = "0.3 deg" } ]\n'
+            '[configurations.late]\nextend = "base"\n'
+            'set = { "actuator.damping" = 0.3, "actuator.gain" = 1.1, "effects.0.delay" = "3 ms", "drive.mass" = 90.0, '
+            '"drive.q" = 0.5, "airframe.denominator[1]" = 3.0, "effects.1.half_width" = "0.4 deg" }\n'
+        )
     )
     found = value_paths(loaded(text, "late")[1])
     wanted = {

@@ -44,7 +44,7 @@ REST = """
 set = { "table.delay" = "60 ms" }
 [configurations.compensated]
 extend = "slow"
-set = { "parameters.lead" = 0.09 }
+set = { "parameters.lead" = 0.03 }
 [configurations.lost]
 set = { "table.delay" = "300 ms" }
 [inputs]

@@ -1,6 +1,6 @@
 """Block diagrams: no box lies on another, no wire runs through a box, every wire ends at its pins."""
 
-from itertools import combinations
+from itertools import combinations, pairwise
 from pathlib import Path
 
 import pytest
@@ -76,7 +76,7 @@ def test_boxes_do_not_overlap_and_lie_on_the_sheet(diagram: Diagram) -> None:
 def test_wires_run_beside_the_boxes(diagram: Diagram) -> None:
     for wire in diagram.wires:
         for line in wire.lines:
-            for (x0, y0), (x1, y1) in zip(line, line[1:], strict=False):
+            for (x0, y0), (x1, y1) in pairwise(line):
                 assert abs(x0 - x1) < 1e-9 or abs(y0 - y1) < 1e-9, f"{wire.signal} runs aslant"
                 for box in diagram.boxes:
                     inside_x = max(x0, x1) > box.x + 0.01 and min(x0, x1) < box.x + box.width - 0.01

@@ -3,8 +3,6 @@
 import re
 from pathlib import Path
 
-import pytest
-
 from delaytools.design.design import parse_design
 from delaytools.design.file import read_design
 from delaytools.report.write import ReportFiles, write_report
