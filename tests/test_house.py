@@ -1,4 +1,4 @@
-"""The architecture, held by a test: imports point down, no cycles, no hidden imports, only the doors touch the world."""
+"""The architecture, held by a test: imports point down, no cycles, none hidden, only the doors touch the world."""
 
 import ast
 from pathlib import Path

@@ -11,7 +11,7 @@ from delaytools.cli.answers import write_json
 from delaytools.cli.reading import check_delay_port, delay_range, gain_range, load, log_columns, seconds
 from delaytools.signals.trouble import DelaytoolsError
 
-# The matrices here are small: threads in the linear algebra cost more than they bring, on a busy machine ten times more.
+# The matrices here are small: threads in the linear algebra cost more than they bring.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 __all__ = ["app", "run"]
@@ -273,8 +273,8 @@ def report(
     wishes = plan.tables.tuning
     if tuning and wishes.goals and plan.tables.analysis.at is not None:
         say("tuning")
-        at, delay_at = _opened_at(plan, None, None, None)
-        found = tune_design(plan, wishes.configuration, at=at, delay_at=delay_at)
+        asked = plan.tables.analysis
+        found = tune_design(plan, wishes.configuration, at=asked.at, delay_at=asked.delay_at)
         plan = tuned_design(plan, wishes.configuration, found)
     answer = write_report(plan, out, progress=say)
     if json != "-":
