@@ -18,12 +18,16 @@ from delaytools.linear.hold_approximation import continuous_approximation
 from delaytools.linear.lifted import lift, why_not_liftable
 from delaytools.linear.lifted_certificate import count_outside
 from delaytools.linear.sampled_system import SampledSystem
+from delaytools.loop.edit import disturbed_at
 from delaytools.loop.linearise import linearise
 from delaytools.loop.loop import Loop
+from delaytools.loop.values import resolve
 from delaytools.signals.trouble import AnalysisError
 
 APPROXIMATE: Sampling = "continuous approximation"
 
+
+__all__ = ["LoopRoots", "MarginSweep", "RootSet", "loop_margins", "loop_roots", "transfer"]
 
 @final
 @dataclass(frozen=True)
@@ -190,8 +194,13 @@ def _scaled_transport(system: SampledSystem, index: int, factor: float) -> Sampl
 
 
 def transfer(loop: Loop, input: str, output: str) -> DelaySystem:
-    """The closed loop's transfer from an external input to a signal; holds as their continuous approximation."""
-    return continuous_approximation(linearise(loop, [input], [output]).system)
+    """The closed loop's transfer between two signals, all loops closed; holds as their continuous approximation.
 
+    input: an external input, or any signal, to which a disturbance is then added behind its writer.
+    Raises DesignError for an unknown signal.
+    """
+    if input in resolve(loop).externals:
+        return continuous_approximation(linearise(loop, [input], [output]).system)
+    disturbed, name = disturbed_at(loop, input)
+    return continuous_approximation(linearise(disturbed, [name], [output]).system)
 
-__all__ = ["LoopRoots", "MarginSweep", "RootSet", "loop_margins", "loop_roots", "transfer"]

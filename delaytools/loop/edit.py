@@ -9,7 +9,7 @@ from delaytools.loop.port import Port
 from delaytools.signals.expression import Expression, signal_expression
 from delaytools.signals.trouble import DesignError
 
-__all__ = ["act", "cut", "insert", "reader", "remove", "wire"]
+__all__ = ["act", "cut", "disturbed_at", "insert", "reader", "remove", "wire"]
 
 
 def insert(
@@ -128,3 +128,16 @@ def _reads_instead(element: Element, signal: str, name: str) -> Element:
     inputs = {port: x.renamed({signal: name}) for port, x in element.inputs.items()}
     modifiers = tuple(replace(p, instead={**p.instead, signal: name}) for p in element.modifiers)
     return replace(element, inputs=inputs, modifiers=modifiers)
+
+
+def disturbed_at(loop: Loop, signal: str) -> tuple[Loop, str]:
+    """The loop with a new external input added to a signal behind its writer, and that input's name."""
+    raw, name = f"{signal}@undisturbed", f"{signal}@disturbance"
+    if signal not in loop.writers:
+        raise DesignError("unknown signal", found=repr(signal), known=loop.signals)
+    element = loop[loop.writers[signal][0]]
+    outputs = {port: raw if written == signal else written for port, written in element.outputs.items()}
+    total = Expression("raw + added").renamed({"raw": raw, "added": name})
+    sum_ = Element(f"sum@{signal}", Gain(), {"input": total}, {"output": signal})
+    disturbed = loop.replaced(replace(element, outputs=outputs))
+    return replace(disturbed, elements=(*disturbed.elements, sum_)), name

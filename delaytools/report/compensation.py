@@ -38,11 +38,16 @@ def compensations(design: Design, answer: Verdict) -> tuple[Compensation, ...]:
         if not moved or table.extend not in rows or name not in rows:
             continue
         before, after = rows[str(table.extend)], rows[name]
-        changed = tuple((path, _was(design, path), f"{new}") for path, new in table.set.items())
+        changed = tuple((path, _was(design, path), _short(new)) for path, new in table.set.items())
         found.append(
             Compensation(name, before.name, changed, before.bench, after.bench, before.flight or after.flight)
         )
     return tuple(found)
+
+
+def _short(value: object) -> str:
+    """A value as a table shows it."""
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
 
 
 def _was(design: Design, path: str) -> str:

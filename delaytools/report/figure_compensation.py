@@ -34,7 +34,10 @@ def draw_compensation(items: tuple[Compensation, ...], message: str) -> Figure:
                     )
         panel.set_title(label, loc="left")
         panel.grid(visible=False, axis="x")
-        panel.set_xticks(range(len(items)), [item.name.replace("_", "\n") for item in items], fontsize=7)
+        names = [item.name.replace("_", "\n") for item in items]
+        panel.set_xticks(range(len(items)), names, fontsize=7 if len(items) < 3 else 6)
+        if len(items) > 2:
+            panel.tick_params(axis="x", labelrotation=45)
     figure.legend(loc="outside lower center", ncols=3)
     title(figure, message)
     return figure

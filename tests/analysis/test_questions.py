@@ -150,6 +150,17 @@ def test_closed_transfer_from_demand_to_rate() -> None:
     assert np.allclose(found, L / (1 + L), rtol=1e-12)
 
 
+def test_closed_transfer_from_one_signal_to_another() -> None:
+    """A disturbance added to the fin: to itself S, to the sensed rate S times what lies between."""
+    loop = sensor_loop(50.0)
+    s = 1j * np.array([1.0, 20.0, 60.0])
+    L = open_loop(loop, "fin").transfer(0.0).siso(s)
+    assert np.allclose(transfer(loop, "fin", "fin").siso(s), 1 / (1 + L), rtol=1e-12)
+    assert np.allclose(transfer(loop, "fin", "rate").siso(s), 1 / s / (1 + L), rtol=1e-12)
+    with pytest.raises(DelaytoolsError, match="unknown signal"):
+        transfer(loop, "finn", "rate")
+
+
 def test_wrong_questions_are_answered_in_words() -> None:
     with pytest.raises(DelaytoolsError, match="nearest: fin_command"):
         loop_margins(roll_bench(), "fin_comand")
