@@ -244,8 +244,11 @@ def fit(
     from delaytools.cli.words import fit_lines
     from delaytools.estimation.low_order import fit as fit_record
     from delaytools.measurement.log_file import read_log
+    from delaytools.measurement.staircase import with_staircases_held
 
-    answer = fit_record(read_log(log), input, output, delay=delay)
+    record, notes = with_staircases_held(read_log(log))
+    _warn(tuple(note for note in notes if note.split()[0] in (input, output)))
+    answer = fit_record(record, input, output, delay=delay)
     if json != "-":
         _say("\n".join(fit_lines(answer)))
     if json is not None:
