@@ -8,7 +8,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from delaytools.blocks.block import CASADI, Sampled, Scalar, flat_values
+from delaytools.blocks.block import Sampled, Scalar
 from delaytools.loop.linearise import (
     Formulas,
     formulas,
@@ -17,8 +17,7 @@ from delaytools.loop.linearise import (
     transport_seconds,
 )
 from delaytools.loop.loop import Loop
-from delaytools.loop.values import parameter_values
-from delaytools.signals.expression import Expression
+from delaytools.loop.values import value_paths
 from delaytools.signals.trouble import AnalysisError, DesignError
 
 __all__ = ["nominal_values", "symbolic_response"]
@@ -28,19 +27,11 @@ Pair = tuple[Scalar, Scalar]  # real and imaginary part
 
 def nominal_values(loop: Loop, paths: Sequence[str]) -> dict[str, float]:
     """The numbers that stand at the paths now, also of blocks that are neutral; raises DesignError for no path."""
-    named = parameter_values(loop, {})
-    found: dict[str, Scalar] = {f"parameters.{name}": item for name, item in named.items()}
-    for element in loop.elements:
-        for owner, path in [(element.block, element.path), *((p.modifier, p.path) for p in element.modifiers)]:
-            found |= {f"{path}.{name}": item for name, item in flat_values(owner).items()}
+    found = value_paths(loop)
     for path in paths:
         if path not in found:
             raise DesignError("no such value in the design", found=repr(path), known=sorted(found))
-    raw = {path: found[path] for path in paths}
-    return {
-        path: float(item.evaluate(named, CASADI) if isinstance(item, Expression) else item)
-        for path, item in raw.items()
-    }
+    return {path: found[path] for path in paths}
 
 
 def symbolic_response(loop: Loop, input: str, output: str, *, free: Sequence[str]) -> ca.Function:
