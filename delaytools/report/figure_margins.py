@@ -96,8 +96,10 @@ def draw_curves(curves: tuple[DelayCurve, ...], place: str, look: Mapping[str, s
     panels[3].set_xlabel(f"Delay at {place} (ms)")
     low, high = curves[0].delays[0] * 1e3, curves[0].delays[-1] * 1e3
     panels[0].set_xlim(low, high)
-    panels[0].legend(
-        loc="upper right", fontsize=7, title="configurations (dots: as they stand)", title_fontsize=7
+    handles, labels = panels[0].get_legend_handles_labels()
+    words = "configurations (dots: as they stand)"
+    figure.legend(
+        handles, labels, loc="outside lower center", ncols=3, fontsize=7, title=words, title_fontsize=7
     )
     figure.align_ylabels(panels)
     title(figure, message)
