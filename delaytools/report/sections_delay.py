@@ -41,12 +41,18 @@ def _sweep_lead(contents: Contents) -> str:
     ends = [pair[1] for curve in contents.curves for pair in curve.stable if pair[1] < high]
     if not any(curve.stable for curve in contents.curves):
         return f"No loop is stable at any delay between {span(low, high)}."
-    if not ends:
+    never = sum(not curve.stable for curve in contents.curves)
+    kept = len(contents.curves) - len(ends) - never
+    if not ends and not never:
         return f"Every loop stays stable up to {high * 1e3:.1f} ms at {contents.asked.place}."
+    if not ends:
+        return f"{kept} of {len(contents.curves)} loops stay stable up to {high * 1e3:.1f} ms, the others nowhere."
     if len(contents.curves) == 1:
         return f"The loop is lost at {min(ends) * 1e3:.2f} ms at {contents.asked.place}."
     first, last = (f"{tau * 1e3:.2f} ms" for tau in (min(ends), max(ends)))
-    return f"The first loop is lost at {first} at {contents.asked.place}, the last at {last}."
+    rest = f"; {kept} kept over the whole range" if kept > 0 else ""
+    rest += f"; {never} stable nowhere in it" if never else ""
+    return f"Loops are lost between {first} and {last} at {contents.asked.place}{rest}."
 
 
 def _sweep_message(contents: Contents) -> str:
