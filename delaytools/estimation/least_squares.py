@@ -26,7 +26,8 @@ class Estimate:
     """The outcome of a fit.
 
     parameters: value and std of each, in the order given; std NaN where fixed or on a bound, inf where the data say
-    nothing of it. correlation (n,n) of the free ones, NaN elsewhere. residuals (m,). cost: Σ r²/2. freedom: effective
+    nothing of it. correlation (n,n) of the free ones, NaN elsewhere. residuals (m,), jacobian (m,n) ∂r/∂x, 0 where
+    fixed. cost: Σ r²/2. freedom: effective
     number of residuals less the parameters fitted. success, and in words why the search ended.
     """
 
@@ -38,6 +39,7 @@ class Estimate:
     at_boundary: tuple[str, ...]
     success: bool
     words: str
+    jacobian: RealArray
 
     def __getitem__(self, path: str) -> Parameter:
         for parameter in self.parameters:
@@ -58,12 +60,20 @@ class Estimate:
 
 
 def estimate(
-    residual: Residual, start: Sequence[Parameter], *, jacobian: Residual | None = None, coloured: bool = True
+    residual: Residual,
+    start: Sequence[Parameter],
+    *,
+    jacobian: Residual | None = None,
+    coloured: bool = True,
+    tolerance: float = 1e-12,
+    evaluations: int | None = None,
 ) -> Estimate:
     """The parameters that make Σ residual(x)² least, from `start`, within their bounds.
 
     residual: x (n,) in the parameters' units -> r (m,). jacobian: x -> (m,n), else central differences.
     std² = s² (n/n_eff) (JᵀJ)⁻¹, s² = Σ r²/(m - n); coloured: n_eff = m/(1 + 2 Σ ρ_k), else m.
+    The search ends where the cost, the parameters or the gradient change by less than `tolerance` (relative), or after
+    `evaluations` of the residual.
     A parameter on its bound counts as known in the limits of the others, and is named in `at_boundary`.
     Raises DelaytoolsError where there are fewer residuals than parameters, or none is finite at the start.
     """
@@ -84,7 +94,8 @@ def estimate(
     bounds = tuple(np.array([getattr(p, name) for p in start])[free] / scale[free] for name in ("low", "high"))
     found = optimize.least_squares(
         lambda z: residual(whole(z)), np.clip(base[free] / scale[free], *bounds), bounds=bounds,
-        jac=scaled_jacobian if jacobian is not None else "3-point", xtol=1e-12, ftol=1e-12, gtol=1e-12,
+        jac=scaled_jacobian if jacobian is not None else "3-point", xtol=tolerance, ftol=tolerance, gtol=tolerance,
+        max_nfev=evaluations,
     )  # fmt: skip
     inside = np.minimum(found.x - bounds[0], bounds[1] - found.x) > _AT_END
     spread = _spread(found.jac, found.fun, inside, coloured)
@@ -160,10 +171,12 @@ def _record(
         replace(p, value=float(np.clip(value, p.low, p.high)), std=float(s))
         for p, value, s in zip(start, x, std, strict=True)
     )
+    jacobian = np.zeros((len(found.fun), len(start)))
+    jacobian[:, free] = found.jac / scale[free]
     words = found.message.replace("`", "").strip(". ")
     if ends:
         words += f"; on a bound: {', '.join(ends)}"
     return Estimate(
         parameters, correlation, np.asarray(found.fun), float(found.cost), spread[1], tuple(ends),
-        bool(found.success), words,
+        bool(found.success), words, jacobian,
     )  # fmt: skip

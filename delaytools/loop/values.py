@@ -11,7 +11,7 @@ from delaytools.loop.loop import Element, Loop
 from delaytools.signals.expression import Expression
 from delaytools.signals.trouble import DesignError
 
-__all__ = ["parameter_values", "resolve", "value_paths"]
+__all__ = ["parameter_values", "resolve", "value_paths", "with_numbers"]
 
 
 def value_paths(loop: Loop) -> dict[str, float]:
@@ -29,6 +29,28 @@ def value_paths(loop: Loop) -> dict[str, float]:
 def parameter_path(name: str) -> str:
     """The path of a named number; one that an effect brought keeps the effect's own path (`effects.0.damping`)."""
     return name if "." in name else f"parameters.{name}"
+
+
+def with_numbers(loop: Loop, numbers: Mapping[str, float]) -> Loop:
+    """The loop with other numbers at these paths; raises DesignError for a path that is not there."""
+    known = value_paths(loop)
+    for path in numbers:
+        if path not in known:
+            raise DesignError("no such value in the design", found=repr(path), known=sorted(known))
+    parameters = {name: numbers.get(parameter_path(name), raw) for name, raw in loop.parameters.items()}
+    elements = tuple(_with_numbers(element, numbers) for element in loop.elements)
+    return replace(loop, elements=elements, parameters=parameters)
+
+
+def _with_numbers(element: Element, numbers: Mapping[str, float]) -> Element:
+    block = _renumbered(element.block, element.path, numbers)
+    modifiers = tuple(replace(p, modifier=_renumbered(p.modifier, p.path, numbers)) for p in element.modifiers)
+    return replace(element, block=block, modifiers=modifiers)
+
+
+def _renumbered(item: Any, path: str, numbers: Mapping[str, float]) -> Any:
+    new = {name: numbers[f"{path}.{name}"] for name in flat_values(item) if f"{path}.{name}" in numbers}
+    return with_values(item, new) if new else item
 
 
 def parameter_values(loop: Loop, free: Mapping[str, Scalar]) -> dict[str, Scalar]:

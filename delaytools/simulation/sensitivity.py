@@ -16,29 +16,34 @@ Array = NDArray[np.float64]
 def run_with_derivatives(compiled: Compiled, values: tuple[float, ...]) -> tuple[Array, Array, Array]:
     """(n,) s, (n, signals) rows and (n, signals, free values) ∂row/∂value, by forward differentiation in CasADi.
 
-    Exact for the compiled step, a free constant delay included (boundaries that a delay moves move with it).
-    Raises AnalysisError where an initial state depends on a free value.
+    Exact for the compiled step, a free constant delay included (boundaries that a delay moves move with it), and
+    for initial states that are free values themselves or proportional to them.
     """
     count = len(values)
     if count != len(compiled.model.free):
         raise AnalysisError("one value per free path", found=str(count), known=compiled.model.free)
-    symbol = compiled.model.symbol
-    starts = [
-        s
-        for e in (*compiled.model.net.loop.continuous, *compiled.model.net.loop.sampled)
-        for s in e.block.initial_state
-    ]
-    if any(isinstance(s, ca.SX) and ca.depends_on(s, symbol) for s in starts):
-        raise AnalysisError("an initial state depends on a free value", advice="free another value")
     state = np.asarray(initial_state(compiled, values)).ravel()
     function = _with_tangents(compiled.call, count)
-    both = np.concatenate([state, np.zeros(len(state) * count)])
+    both = np.concatenate([state, *_initial_tangents(compiled, values)])
     rows = mapped_rows(
         compiled.call, function, both, (prepared_data(compiled), np.asarray(values, dtype=float))
     )
     table = _unpacked(rows, compiled, count)
     time = compiled.frame * np.arange(compiled.frames + 1)
     return time, trimmed(compiled, table[:, 0]), np.moveaxis(trimmed(compiled, table[:, 1:]), 1, 2)
+
+
+def _initial_tangents(compiled: Compiled, values: tuple[float, ...]) -> list[Array]:
+    """∂(initial state)/∂value for each free value, by central differences: exact where it is linear in them."""
+    found = []
+    for index, number in enumerate(values):
+        step = 1e-6 * max(1.0, abs(number))
+        ends = [
+            np.asarray(initial_state(compiled, (*values[:index], number + side, *values[index + 1 :]))).ravel()
+            for side in (step, -step)
+        ]
+        found.append((ends[0] - ends[1]) / (2 * step))
+    return found
 
 
 def _unpacked(rows: Array, compiled: Compiled, count: int) -> Array:

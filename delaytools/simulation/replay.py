@@ -1,0 +1,173 @@
+"""A piece of a loop driven by what was measured at its entries: the one simulation, run on a log."""
+
+import math
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any, final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from delaytools.blocks.block import Sampled, Transport
+from delaytools.loop.loop import Loop
+from delaytools.loop.values import with_numbers
+from delaytools.signals.record import Record
+from delaytools.signals.stimulus import Column, Stimulus
+from delaytools.signals.trouble import AnalysisError
+from delaytools.simulation.run import Compiled, compile_loop, run
+from delaytools.simulation.sensitivity import run_with_derivatives
+
+__all__ = ["Replay", "driven_by"]
+
+Array = NDArray[np.float64]
+EVEN = 1e-3  # of the usual step: rows that lie nearer to an even grid are taken to lie on it
+KEPT = 8  # compiled steps kept at a time
+_STEP = 1e-3  # of a frame or of the value itself, whichever is larger: step of a central difference
+SETTLED = 1.5  # stiffness of friction may grow by this before a run gets more steps
+
+
+def driven_by(
+    record: Record, names: Collection[str], *, at_rest: Collection[str] = (), smooth: Collection[str] = ()
+) -> dict[str, Stimulus]:
+    """The named columns of a record as stimuli, their time counted from the first row.
+
+    at_rest: held signals that were 0 before the first row (written by a sampled block that starts there). smooth:
+    columns without noise, joined by a spline instead of straight lines.
+    """
+    time = record.time - record.time[0]
+    return {
+        name: Column(
+            time=time,
+            values=record[name],
+            held=name in record.held,
+            before=0.0 if name in at_rest else None,
+            smooth=name in smooth and name not in record.held,
+        )
+        for name in names
+        if name in record
+    }
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Replay:
+    """A loop, the stimuli that drive it, and the times (n,) in s at which its signals are wanted.
+
+    free: paths whose values the runs take. Values that shape the grid of a run (delays, periods) cost a new
+    compilation whenever they change; all others share one.
+    """
+
+    loop: Loop
+    stimuli: Mapping[str, Stimulus]
+    time: Array
+    signals: tuple[str, ...]
+    free: tuple[str, ...] = ()
+    _compiled: dict[Any, Compiled] = field(default_factory=dict, repr=False)
+    _parts: dict[Any, "Replay"] = field(default_factory=dict, repr=False)
+
+    @cached_property
+    def frame(self) -> float:
+        """The step of a run in s: the loop's frame, or the nearest shorter one that meets every row."""
+        step = self._row_step
+        return step / math.ceil(step / self.loop.frame - 1e-6) if step else self.loop.frame
+
+    @cached_property
+    def _row_step(self) -> float:
+        """Time between rows in s, or 0 where they are uneven."""
+        if len(self.time) < 2:
+            raise AnalysisError("a run lasts at least two rows", found=f"{len(self.time)}")
+        step = float(self.time[-1] - self.time[0]) / (len(self.time) - 1)
+        even = np.abs(self.time - self.time[0] - step * np.arange(len(self.time))).max() < EVEN * step
+        return float(round(step, 12)) if even else 0.0
+
+    def run(self, values: tuple[float, ...] = ()) -> Array:
+        """(n, signals): the signals at the rows, for these values of the free paths."""
+        compiled = self._prepared(values)
+        return self._rows(compiled, run(compiled, values)[1])
+
+    def run_with_derivatives(self, values: tuple[float, ...]) -> tuple[Array, Array]:
+        """(n, signals) and (n, signals, free): the signals at the rows and their derivatives by the free values.
+
+        CasADi's own derivatives of the compiled step; central differences for values that shape the grid.
+        """
+        shaping = [index for index, path in enumerate(self.free) if path in self._grid_paths]
+        smooth = [index for index in range(len(self.free)) if index not in shaping]
+        slopes = np.zeros((len(self.time), len(self.signals), len(self.free)))
+        if smooth:
+            chosen = tuple(values[k] for k in smooth)
+            compiled = self._without_grid(values, shaping, smooth)._prepared(chosen)
+            _, table, found = run_with_derivatives(compiled, chosen)
+            rows, slopes[:, :, smooth] = self._rows(compiled, table), self._rows(compiled, found)
+        else:
+            rows = self.run(values)
+        for index in shaping:
+            slopes[:, :, index] = self._difference(values, index)
+        return rows, slopes
+
+    def _without_grid(self, values: tuple[float, ...], shaping: list[int], smooth: list[int]) -> "Replay":
+        """This replay with the values that shape the grid as numbers."""
+        if not shaping:
+            return self
+        key = tuple(values[k] for k in shaping)
+        if key not in self._parts:
+            loop = with_numbers(self.loop, {self.free[k]: values[k] for k in shaping})
+            free = tuple(self.free[k] for k in smooth)
+            if len(self._parts) > KEPT:
+                self._parts.clear()
+            self._parts[key] = replace(self, loop=loop, free=free, _compiled={}, _parts={})
+        return self._parts[key]
+
+    def _difference(self, values: tuple[float, ...], index: int) -> Array:
+        step = _STEP * max(self.frame, abs(values[index]))
+        step = min(step, 0.5 * abs(values[index])) or step
+        ends = [
+            self.run((*values[:index], values[index] + side, *values[index + 1 :])) for side in (step, -step)
+        ]
+        return (ends[0] - ends[1]) / (2 * step)
+
+    def _prepared(self, values: tuple[float, ...]) -> Compiled:
+        numbers = dict(zip(self.free, values, strict=True))
+        key = tuple(self._key(path, number) for path, number in numbers.items())
+        if key not in self._compiled:
+            loop = with_numbers(self.loop, numbers) if numbers else self.loop
+            framed = replace(loop, frame=self.frame)
+            duration = self.frame * math.ceil(float(self.time[-1]) / self.frame - EVEN)
+            if len(self._compiled) > KEPT:
+                self._compiled.clear()
+            self._compiled[key] = compile_loop(framed, self.stimuli, duration=duration, free=self.free)
+        return self._compiled[key]
+
+    def _key(self, path: str, number: float) -> Any:
+        if path in self._grid_paths:
+            return number
+        if path in self._stiff_paths:
+            return round(math.log(max(abs(number), 1e-300)) / math.log(SETTLED))
+        return None
+
+    @cached_property
+    def _grid_paths(self) -> frozenset[str]:
+        """Paths whose values say where a run's steps begin and end."""
+        shaping = [
+            element
+            for element in self.loop.elements
+            if isinstance(element.block, Transport | Sampled) or hasattr(element.block, "jumps")
+        ]
+        return frozenset(path for path in self.free for e in shaping if path.startswith(f"{e.path}."))
+
+    @cached_property
+    def _stiff_paths(self) -> frozenset[str]:
+        """Paths of values that set how many steps a frame needs."""
+        placed = [p for e in self.loop.elements for p in e.modifiers if hasattr(p.modifier, "smoothing")]
+        return frozenset(path for path in self.free for p in placed if path.startswith(f"{p.path}."))
+
+    def _rows(self, compiled: Compiled, table: Array) -> Array:
+        chosen = [compiled.model.layout.signals.index(name) for name in self.signals]
+        found = table[:, chosen]
+        if self._row_step:
+            every = round(self._row_step / self.frame)
+            return found[:: every][: len(self.time)]
+        place = np.clip(self.time / self.frame, 0, len(found) - 1)
+        left = np.minimum(place.astype(int), len(found) - 2)
+        part = (place - left).reshape(-1, *(1,) * (found.ndim - 1))
+        return found[left] * (1 - part) + found[left + 1] * part
