@@ -1,4 +1,4 @@
-"""What is odd about a log but no fault: gaps, and rows that are not evenly spaced."""
+"""What is odd about a log but no fault: what was left out or interpolated, gaps, rows that are not evenly spaced."""
 
 import numpy as np
 
@@ -11,21 +11,22 @@ _JITTER = 0.01  # of the usual step
 
 
 def log_notes(record: Record) -> tuple[str, ...]:
-    """Sentences on the sampling of a log: where rows are missing, and how uneven the rest is."""
+    """Sentences on a log: what its `source` says after the path, where rows are missing, how uneven the rest is."""
+    path, *said = record.source.split("; ")
+    found = [f"{path}: {note}" for note in said]
     steps = np.diff(record.time)
     if len(steps) < 2:
-        return ()
+        return tuple(found)
     usual = float(np.median(steps))
-    found = []
     gaps = np.flatnonzero(steps > _GAP * usual)
     if len(gaps):
         widest = int(gaps[np.argmax(steps[gaps])])
         found.append(
-            f"{record.source}: {len(gaps)} gap{'s' if len(gaps) > 1 else ''} in time, the longest "
+            f"{path}: {len(gaps)} gap{'s' if len(gaps) > 1 else ''} in time, the longest "
             f"{steps[widest]:g} s after row {widest + 2} (t = {record.time[widest]:g} s); "
             f"rows are usually {usual:g} s apart"
         )
     rest = np.delete(steps, gaps)
     if np.max(np.abs(rest - usual)) > _JITTER * usual:
-        found.append(f"{record.source}: rows are unevenly spaced, {rest.min():g} to {rest.max():g} s apart")
+        found.append(f"{path}: rows are unevenly spaced, {rest.min():g} to {rest.max():g} s apart")
     return tuple(found)
