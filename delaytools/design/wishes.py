@@ -17,7 +17,7 @@ from delaytools.loop.values import value_paths
 from delaytools.signals.trouble import DesignError, UnitError, nearest, shown
 from delaytools.signals.units import Unit, quantity, same_dimension, unit
 
-__all__ = ["check_paths", "warnings"]
+__all__ = ["check_paths", "unit_at", "warnings"]
 
 
 def warnings(design: Design, loop: Loop) -> tuple[str, ...]:
@@ -53,7 +53,7 @@ def check_paths(design: Design, loop: Loop) -> None:
     for path, raw in design.tables.tolerance.items():
         with faults.at(f'tolerance."{path}"'):
             _known_path(path, paths)
-            _check_tolerance(raw, _unit_at(loop, path))
+            _check_tolerance(raw, unit_at(loop, path))
     sources = _sources(design)
     for name in design.tables.inputs:
         with faults.at(f"inputs.{name}"):
@@ -90,7 +90,7 @@ def _known_path(path: str, paths: Mapping[str, float]) -> None:
         raise DesignError("no such value in the design", found=repr(path), known=sorted(bare))
 
 
-def _unit_at(loop: Loop, path: str) -> Unit | None:
+def unit_at(loop: Loop, path: str) -> Unit | None:
     """The unit in which a block's value is held (None: not known)."""
     name, _, value = path.partition(".")
     element = next((e for e in loop.elements if e.path == name), None)

@@ -1,0 +1,110 @@
+"""An effect that a hypothesis adds to a segment: its kind, its port, the values that a fit moves."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any, final
+
+from delaytools.blocks.block import Specification, flat_values, specifications
+from delaytools.design.catalogue import EFFECTS, PARAMETER_CHANGE
+from delaytools.effects.effect import Effect, Place
+from delaytools.effects.parameter_change import ParameterChange
+from delaytools.loop.loop import Loop
+from delaytools.loop.port import find_port
+from delaytools.signals.parameter import Parameter
+
+__all__ = ["Added", "with_added"]
+
+NUISANCE = ("smoothing",)
+FIRST_NUMBER = 1000  # effects of a hypothesis are numbered from here, behind those of any design
+
+
+@final
+@dataclass(frozen=True)
+class Added:
+    """An effect with starting values for what is free; `fixed` holds the rest (a source signal).
+
+    kind: as a design file names it (`parameter_change:damping` included). at: port. values: name -> start.
+    held: names among `values` that a fit leaves as they are. limits: bounds narrower than the catalogue's.
+    errors: standard errors of held values that were found another way than by a fit.
+    """
+
+    kind: str
+    at: str
+    values: Mapping[str, float]
+    fixed: Mapping[str, Any] = field(default_factory=dict)
+    held: frozenset[str] = frozenset()
+    limits: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    errors: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def free(self) -> tuple[str, ...]:
+        """Names of the values that a fit moves."""
+        return tuple(name for name in self.values if name not in self.held)
+
+    @property
+    def reported(self) -> tuple[str, ...]:
+        """Names of the values that an answer states; smoothing widths are no property of the bench."""
+        return tuple(name for name in self.values if name not in NUISANCE)
+
+    @property
+    def key(self) -> tuple[str, str, tuple[Any, ...]]:
+        """What tells two candidates apart: kind, port and sources, whatever the values."""
+        return self.kind, self.at, tuple(sorted(self.fixed.items()))
+
+    @property
+    def name(self) -> str:
+        """TYPE@PORT."""
+        return f"{self.kind}@{self.at}"
+
+    def moved(self, values: Mapping[str, float]) -> "Added":
+        """The same effect with other values."""
+        return replace(self, values={**self.values, **values})
+
+    def effect(self) -> Effect:
+        """The effect of the catalogue with these values."""
+        if self.kind.startswith(PARAMETER_CHANGE):
+            name = self.kind.partition(":")[2]
+            return ParameterChange(name=name, new=self.values[name])
+        return EFFECTS[self.kind](**self.values, **self.fixed)
+
+    def specification(self, loop: Loop, name: str) -> Specification:
+        """The bounds of a value."""
+        if self.kind.startswith(PARAMETER_CHANGE):
+            block = loop[find_port(loop, self.at).element].block
+            return specifications(block).get(name.partition("[")[0], Specification())
+        return specifications(EFFECTS[self.kind])[name]
+
+    def parameters(self, loop: Loop, number: int) -> tuple[Parameter, ...]:
+        """The values as parameters of a fit, by their paths in the loop of `with_added`."""
+        found = []
+        for name in self.free:
+            spec = self.specification(loop, name)
+            value = self.values[name]
+            margin = 1e-6 * max(abs(value), 1e-9)
+            low = spec.low + margin if spec.low == (spec.neutral or 0.0) or spec.exclusive else spec.low
+            ends = self.limits.get(name, (low, spec.high))
+            low, high = max(low, ends[0]), min(spec.high, ends[1])
+            found.append(
+                Parameter(f"{_path(number)}.{name}", value, low=min(low, value), high=max(high, value))
+            )
+        return tuple(found)
+
+
+def _path(number: int) -> str:
+    return f"effects.{FIRST_NUMBER + number}"
+
+
+def with_added(loop: Loop, added: tuple[Added, ...]) -> Loop:
+    """The loop with these effects, numbered in order, each at its port."""
+    for number, one in enumerate(added):
+        loop = one.effect().apply(loop, Place(find_port(loop, one.at), one.name, _path(number)))
+    return loop
+
+
+def block_values(loop: Loop, block: str) -> dict[str, float]:
+    """The numbers of a block that may be wrong, by name."""
+    return {
+        name: float(raw)
+        for name, raw in flat_values(loop[block].block).items()
+        if isinstance(raw, int | float)
+    }

@@ -1,0 +1,189 @@
+"""One segment and the logs that drive it: measured exits against the model under a hypothesis, whitened."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any, final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from delaytools.diagnosis.added import Added, with_added
+from delaytools.diagnosis.noise import Whitening
+from delaytools.loop.segments import Segment
+from delaytools.signals.parameter import Parameter
+from delaytools.signals.record import Record
+from delaytools.signals.stimulus import Stimulus
+from delaytools.simulation.replay import Replay, driven_by
+
+__all__ = ["Case", "Rows", "prepared_case"]
+
+Array = NDArray[np.float64]
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """Where the whitened residuals of a case stand: log and time (s) of each, exits one after the other per log."""
+
+    log: NDArray[np.int64]
+    exit: NDArray[np.int64]
+    time: Array
+
+    def blocks(self, seconds: float) -> NDArray[np.int64]:
+        """A number for every row that says in which stretch of time it lies; the exits of one stretch share it."""
+        part = np.floor(self.time / seconds).astype(np.int64)
+        _, found = np.unique(np.stack([self.log, part]), axis=1, return_inverse=True)
+        return np.asarray(found, dtype=np.int64).ravel()
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Case:
+    """A segment with its logs.
+
+    records: the logs, columns as they drive (cleaned where that is better). measured: per log (n, exits).
+    tolerated: values that are free within bounds in every fit. smooth: columns without noise. whitening: one filter
+    per exit. nuisance: per log (n, exits, k), what the uncertain values of other segments do to the exits.
+    lost: port of a sampled output -> share of its updates that the logs show to be lost.
+    """
+
+    segment: Segment
+    records: tuple[Record, ...]
+    measured: tuple[Array, ...]
+    tolerated: tuple[Parameter, ...]
+    at_rest: frozenset[str]
+    smooth: frozenset[str] = frozenset()
+    whitening: tuple[Whitening, ...] = ()
+    nuisance: tuple[Array, ...] = ()
+    lost: Mapping[str, float] = field(default_factory=dict)
+    _replays: dict[Any, tuple[Replay, ...]] = field(default_factory=dict, repr=False)
+
+    @property
+    def exits(self) -> tuple[str, ...]:
+        """The measured signals that the segment writes."""
+        return self.segment.exits
+
+    @cached_property
+    def rows(self) -> Rows:
+        """Where each whitened residual stands."""
+        parts = [
+            (np.full(len(r), k), np.full(len(r), j), r.time - r.time[0])
+            for k, r in enumerate(self.records)
+            for j in range(len(self.exits))
+        ]
+        log, exit, time = (np.concatenate(group) for group in zip(*parts, strict=True))
+        return Rows(log, exit, time)
+
+    @property
+    def step(self) -> float:
+        """Usual time between rows, s."""
+        return float(np.median(np.diff(self.records[0].time)))
+
+    @property
+    def duration(self) -> float:
+        """Length of the longest log, s."""
+        return max(float(r.time[-1] - r.time[0]) for r in self.records)
+
+    def parameters(self, added: tuple[Added, ...]) -> tuple[Parameter, ...]:
+        """Everything that a fit of this hypothesis moves: what is tolerated, then the effects' values."""
+        loop = self.segment.loop
+        changed = {f"{a.at}.{a.kind.partition(':')[2]}" for a in added if ":" in a.kind}
+        kept = tuple(p for p in self.tolerated if p.path not in changed)
+        return kept + tuple(p for k, one in enumerate(added) for p in one.parameters(loop, k))
+
+    def replays(self, added: tuple[Added, ...]) -> tuple[Replay, ...]:
+        """One replay per log of the segment with these effects."""
+        key = tuple(
+            (one.key, tuple(one.values), one.held, tuple(one.values[h] for h in one.held)) for one in added
+        )
+        if key not in self._replays:
+            if len(self._replays) > 40:
+                self._replays.clear()
+            loop = with_added(self.segment.loop, added)
+            free = tuple(p.path for p in self.parameters(added))
+            self._replays[key] = tuple(
+                Replay(
+                    loop,
+                    self._stimuli(record, loop.externals),
+                    record.time - record.time[0],
+                    self.exits,
+                    free,
+                )
+                for record in self.records
+            )
+        return self._replays[key]
+
+    def stimuli_for(self, record: Record, names: tuple[str, ...]) -> Mapping[str, Stimulus]:
+        """The columns of a record that drive these external signals."""
+        return self._stimuli(record, names)
+
+    def _stimuli(self, record: Record, names: tuple[str, ...]) -> Mapping[str, Stimulus]:
+        from_log = {name: name.removesuffix("@read") for name in names}
+        found = driven_by(
+            record, set(from_log.values()), at_rest=self.at_rest & record.held, smooth=self.smooth
+        )
+        return {name: found[column] for name, column in from_log.items() if column in found}
+
+    def outputs(self, added: tuple[Added, ...], values: tuple[float, ...]) -> tuple[Array, ...]:
+        """Per log (n, exits): the model's exits for these values of `parameters(added)`."""
+        return tuple(replay.run(values) for replay in self.replays(added))
+
+    def residual(self, outputs: tuple[Array, ...]) -> Array:
+        """(rows,): measured minus model, whitened."""
+        return self.whitened(tuple(m - y for m, y in zip(self.measured, outputs, strict=True)))
+
+    def whitened(self, signals: tuple[Array, ...]) -> Array:
+        """(rows,) or (rows, k): signals at the exits, per log (n, exits) or (n, exits, k), through the filters.
+
+        What uncertain values of other segments could do there is projected out.
+        """
+        rows = self._filtered(signals)
+        basis = self._nuisance_basis
+        return rows - basis @ (basis.T @ rows) if basis.shape[1] else rows
+
+    @cached_property
+    def _nuisance_basis(self) -> Array:
+        if not self.nuisance or not self.whitening:
+            return np.zeros((0, 0))
+        rows = self._filtered(self.nuisance)
+        size = np.linalg.norm(rows, axis=0)
+        basis, triangle = np.linalg.qr(rows[:, size > 0] / size[size > 0])
+        return np.asarray(basis[:, np.abs(np.diag(triangle)) > 1e-6])
+
+    def without_nuisance(self, residual: tuple[Array, ...]) -> tuple[Array, ...]:
+        """Residuals per log (n, exits), less the best that uncertain values of other segments can do."""
+        if not self.nuisance:
+            return residual
+        rows = self._filtered(self.nuisance)
+        weights = np.linalg.lstsq(rows, self._filtered(residual), rcond=1e-9)[0]
+        return tuple(r - n @ weights for r, n in zip(residual, self.nuisance, strict=True))
+
+    def _filtered(self, signals: tuple[Array, ...]) -> Array:
+        parts = [self.whitening[j].apply(rows[:, j]) for rows in signals for j in range(len(self.exits))]
+        return np.concatenate(parts)
+
+    def with_derivatives(self, added: tuple[Added, ...], values: tuple[float, ...]) -> tuple[Array, Array]:
+        """(rows,) whitened residual and (rows, free): its derivative by each free value."""
+        pairs = [replay.run_with_derivatives(values) for replay in self.replays(added)]
+        return self.residual(tuple(y for y, _ in pairs)), -self.whitened(tuple(slopes for _, slopes in pairs))
+
+    def whitened_by(self, whitening: tuple[Whitening, ...]) -> "Case":
+        """The same case seen through other filters."""
+        return replace(self, whitening=whitening)
+
+
+def prepared_case(
+    segment: Segment, records: tuple[Record, ...], tolerated: tuple[Parameter, ...], at_rest: frozenset[str]
+) -> Case:
+    """The case of a segment, without filters yet; `tolerated` may name values of other segments, left out here."""
+    homes = {element.path for element in segment.loop.elements} | {"parameters"}
+    named = {
+        f"parameters.{name}" for e in segment.loop.elements for x in e.inputs.values() for name in x.names
+    }
+    own = tuple(
+        p for p in tolerated if (p.path.rpartition(".")[0] in homes and not p.path.startswith("parameters."))
+        or p.path in named
+    )  # fmt: skip
+    measured = tuple(np.stack([r[exit] for exit in segment.exits], axis=1) for r in records)
+    return Case(segment, records, measured, own, at_rest)

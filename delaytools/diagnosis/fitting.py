@@ -1,0 +1,111 @@
+"""A hypothesis fitted to a case: effects and tolerated values together, by least squares on whitened residuals."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from delaytools.diagnosis.added import Added
+from delaytools.diagnosis.case import Case
+from delaytools.estimation.least_squares import estimate
+from delaytools.signals.parameter import Parameter
+
+__all__ = ["Fitted", "fit_hypothesis"]
+
+Array = NDArray[np.float64]
+TOLERANCE = 1e-7
+_STEPS = 40
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Fitted:
+    """The best of one hypothesis.
+
+    added: effects with fitted values. parameters: everything that was free, with std. residual (rows,) whitened and
+    jacobian (rows, free) ∂residual/∂value, at the best values.
+    """
+
+    added: tuple[Added, ...]
+    parameters: tuple[Parameter, ...]
+    residual: Array
+    jacobian: Array
+
+    @property
+    def chi2(self) -> float:
+        """Σ of the squared whitened residuals."""
+        return float(self.residual @ self.residual)
+
+    @property
+    def values(self) -> tuple[float, ...]:
+        """The fitted values, in the order of `parameters`."""
+        return tuple(p.value for p in self.parameters)
+
+    @property
+    def size(self) -> int:
+        """How many values the effects brought."""
+        return sum(len(one.free) for one in self.added)
+
+    @property
+    def by_path(self) -> Mapping[str, Parameter]:
+        """The parameters by path."""
+        return {p.path: p for p in self.parameters}
+
+
+def fit_hypothesis(
+    case: Case,
+    added: tuple[Added, ...],
+    *,
+    near: Fitted | None = None,
+    mask: NDArray[np.bool_] | None = None,
+    tolerance: float = TOLERANCE,
+) -> Fitted:
+    """The hypothesis with its values where Σ residual² is least; `near` gives starts for tolerated values.
+
+    mask: rows that count (default: all).
+    """
+    known = near.by_path if near else {}
+    start = [
+        Parameter(p.path, _inside(known[p.path].value, p), low=p.low, high=p.high)
+        if p.path in known and not p.path.startswith("effects.1")
+        else p
+        for p in case.parameters(added)
+    ]
+    if not start:
+        residual = case.residual(case.outputs(added, ()))
+        return Fitted(added, (), residual, np.zeros((len(residual), 0)))
+    keep = slice(None) if mask is None else mask
+    memory: dict[tuple[float, ...], tuple[Array, Array]] = {}
+
+    def both(x: Array) -> tuple[Array, Array]:
+        key = tuple(x)
+        if key not in memory:
+            if len(memory) > 3:
+                memory.clear()
+            memory[key] = case.with_derivatives(added, key)
+        return memory[key]
+
+    def residual(x: Array) -> Array:
+        key = tuple(x)
+        return (memory[key][0] if key in memory else case.residual(case.outputs(added, key)))[keep]
+
+    found = estimate(
+        residual, start, jacobian=lambda x: both(x)[1][keep], coloured=False, tolerance=tolerance,
+        evaluations=_STEPS,
+    )  # fmt: skip
+    whole, slopes = both(np.array([p.value for p in found.parameters]))
+    return Fitted(_placed(added, found.parameters), found.parameters, whole, slopes)
+
+
+def _inside(value: float, bounds: Parameter) -> float:
+    return float(np.clip(value, bounds.low, bounds.high))
+
+
+def _placed(added: tuple[Added, ...], parameters: tuple[Parameter, ...]) -> tuple[Added, ...]:
+    by_path = {p.path: p.value for p in parameters}
+    return tuple(
+        one.moved({name: by_path[f"effects.{1000 + k}.{name}"] for name in one.free})
+        for k, one in enumerate(added)
+    )

@@ -1,0 +1,64 @@
+"""Judged on data not used for the fit: two folds of time blocks, or of logs, each fitting and each judging."""
+
+from dataclasses import dataclass
+from typing import final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from delaytools.diagnosis.case import Rows
+from delaytools.diagnosis.fitting import Fitted
+
+__all__ = ["HeldOut", "folds_of", "held_out"]
+
+Array = NDArray[np.float64]
+BLOCKS = 20
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class HeldOut:
+    """Held-out residuals (rows,) of a hypothesis, and χ² by block of time."""
+
+    residual: Array
+    blocks: Array
+
+    @property
+    def chi2(self) -> float:
+        """Σ of the squared held-out residuals."""
+        return float(self.residual @ self.residual)
+
+    def better_than(self, other: "HeldOut") -> tuple[float, float]:
+        """χ² by which this is better than another, and the standard error of that over blocks."""
+        change = other.blocks - self.blocks
+        return float(change.sum()), float(np.sqrt(len(change)) * change.std(ddof=1)) if len(
+            change
+        ) > 1 else np.inf
+
+
+def folds_of(rows: Rows) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:
+    """(rows,) whether a row is in the first fold, and its block; logs are folds where there are several."""
+    length = float(rows.time.max()) * (1 + 1e-9) + 1e-9
+    blocks = rows.blocks(length / BLOCKS)
+    if rows.log.max(initial=0) > 0:
+        return rows.log % 2 == 0, blocks
+    return blocks % 2 == 0, blocks
+
+
+def held_out(fitted: Fitted, rows: Rows) -> HeldOut:
+    """Residuals of each fold by the values that fit the other one, by one Gauss–Newton step from the common fit."""
+    first, blocks = folds_of(rows)
+    residual = fitted.residual.copy()
+    slopes = fitted.jacobian
+    useful = np.abs(slopes).max(axis=0, initial=0.0) > 0
+    inside = np.array([not p.at_boundary for p in fitted.parameters], dtype=bool)
+    J = slopes[:, useful & inside] if len(inside) else slopes
+    if J.shape[1]:
+        J = J / np.linalg.norm(J, axis=0)
+        for fold in (first, ~first):
+            if 0 < fold.sum() < len(fold):
+                left = J[fold].T @ J[fold]
+                ridge = 1e-6 * np.eye(len(left))
+                move = -np.linalg.solve(left + ridge, J[fold].T @ fitted.residual[fold])
+                residual[~fold] = fitted.residual[~fold] + J[~fold] @ move
+    return HeldOut(residual, np.bincount(blocks, residual**2))

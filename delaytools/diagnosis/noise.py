@@ -1,0 +1,112 @@
+"""What of a residual is noise: its spectrum where no input explains it, and the filter that makes it white."""
+
+from dataclasses import dataclass
+from typing import final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import solve_toeplitz
+from scipy.ndimage import median_filter
+from scipy.signal import lfilter
+
+__all__ = [
+    "Whitening",
+    "difference_noise",
+    "incoherent_spectrum",
+    "whitening",
+    "wiener_part",
+    "windowed_spectra",
+]
+
+Array = NDArray[np.float64]
+WINDOW = 1024  # rows of one piece of the averaged spectra
+ORDER = 12  # of the prediction-error filter
+_DIFFERENCE = np.sqrt(70.0)  # Σ of the squared binomials 1 4 6 4 1
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Whitening:
+    """A prediction-error filter: e = lfilter(taps, 1, r) is white with standard deviation 1 where r is the noise.
+
+    rms: of the noise in the signal's unit. frequency (k,) in cycles per row and density (k,): its two-sided
+    spectrum, mean over frequency = rms².
+    """
+
+    taps: Array
+    rms: float
+    frequency: Array
+    density: Array
+
+    def apply(self, rows: Array) -> Array:
+        """Whitened rows; rows (n,) or (n, k), filtered along the first axis."""
+        return np.asarray(lfilter(self.taps, [1.0], rows, axis=0))
+
+
+def difference_noise(values: Array) -> float:
+    """Standard deviation of white noise on a smooth signal: median |4th difference| / 0.6745 / √70."""
+    if len(values) < 16:
+        return 0.0
+    return float(np.median(np.abs(np.diff(values, 4))) / 0.6745 / _DIFFERENCE)
+
+
+def windowed_spectra(rows: Array, window: int) -> Array:
+    """(pieces, k, bins): windowed Fourier transforms of overlapping pieces of rows (n, k)."""
+    count = max(1, (len(rows) - window) // (window // 2) + 1)
+    taper = np.hanning(window)[:, None]
+    taper = taper / np.sqrt(np.mean(taper**2) * window)
+    starts = [k * (window // 2) for k in range(count)]
+    parts = [
+        np.fft.rfft((rows[s : s + window] - rows[s : s + window].mean(0)) * taper, axis=0) for s in starts
+    ]
+    return np.moveaxis(np.stack(parts), 1, 2)
+
+
+def incoherent_spectrum(residual: Array, inputs: Array) -> tuple[Array, Array]:
+    """Frequency (cycles per row) and density of the part of a residual (n,) that no input (n, k) explains linearly.
+
+    Welch's average of the least-squares remainder at each frequency, raised by its lost degrees of freedom, then
+    the median over neighbours, which leaves lines out (they are no noise). Bendat & Piersol 2010, section 7.3.
+    """
+    window = min(WINDOW, max(16, 2 ** int(np.log2(max(len(residual) // 12, 16)))))
+    spread = inputs.std(axis=0)
+    useful = inputs[:, spread > 1e-12 * (1e-300 + np.abs(inputs).max(initial=0.0))]
+    scaled = useful / np.maximum(useful.std(axis=0), 1e-300)
+    r = windowed_spectra(residual[:, None], window)[:, 0]
+    pieces = len(r)
+    most = max(0, (pieces - 1) // 4)
+    x = (
+        windowed_spectra(scaled[:, :most], window)
+        if scaled[:, :most].size
+        else np.zeros((pieces, 0, r.shape[1]))
+    )
+    left = np.einsum("pkf,plf->fkl", x.conj(), x)
+    right = np.einsum("pkf,pf->fk", x.conj(), r)
+    left += 1e-9 * np.eye(x.shape[1]) * (1e-300 + np.einsum("fkk->f", left).real[:, None, None])
+    weights = np.linalg.solve(left, right[..., None])[..., 0] if x.shape[1] else np.zeros((r.shape[1], 0))
+    remainder = r - np.einsum("pkf,fk->pf", x, weights)
+    density = np.sum(np.abs(remainder) ** 2, axis=0) / max(pieces - x.shape[1], 1)
+    density[:2] = density[2]
+    smooth = median_filter(density, size=9, mode="nearest")
+    return np.fft.rfftfreq(window), np.maximum(smooth, 1e-300)
+
+
+def whitening(frequency: Array, density: Array) -> Whitening:
+    """The prediction-error filter of a spectrum, by the Yule–Walker equations."""
+    covariance = np.fft.irfft(density)
+    covariance[0] *= 1 + 1e-9
+    order = min(ORDER, len(covariance) // 4)
+    ahead = solve_toeplitz(covariance[:order], covariance[1 : order + 1])
+    variance = max(float(covariance[0] - ahead @ covariance[1 : order + 1]), 1e-12 * float(covariance[0]))
+    taps = np.concatenate([[1.0], -ahead]) / np.sqrt(variance)
+    return Whitening(taps, float(np.sqrt(covariance[0])), frequency, density)
+
+
+def wiener_part(remainder: Array, noise: float, *, clearly: float = 3.0) -> Array:
+    """What of a remainder (n,) stands clearly above white noise, by a zero-phase Wiener filter."""
+    frequency, density = incoherent_spectrum(remainder, np.zeros((len(remainder), 0)))
+    share = np.where(density > clearly * noise**2, 1 - noise**2 / density, 0.0)
+    full = np.fft.rfftfreq(len(remainder))
+    return np.asarray(
+        np.fft.irfft(np.fft.rfft(remainder) * np.interp(full, frequency, share), len(remainder))
+    )

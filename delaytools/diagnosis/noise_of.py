@@ -1,0 +1,82 @@
+"""The noise at the exits of a segment: what no input explains, never below what the logs can resolve."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from delaytools.diagnosis.case import Case
+from delaytools.diagnosis.fitting import Fitted
+from delaytools.diagnosis.noise import Whitening, difference_noise, incoherent_spectrum, whitening
+from delaytools.signals.record import Record
+from delaytools.simulation.replay import Replay
+
+__all__ = ["carried_noise", "column_noise", "features", "noise_of"]
+
+Array = NDArray[np.float64]
+RESOLVED = 3e-5  # of a signal's rms: differences below it are the simulation's or the log's rounding
+RESOLVED_HELD = 1e-4
+CLEANED = 0.15  # of the noise of a measured input that is left when the input was cleaned
+
+
+def features(case: Case, outputs: tuple[Array, ...], log: int) -> Array:
+    """(n, k): entries and modelled exits of a log, and simple nonlinear functions of them, as inputs of a residual."""
+    record = case.records[log]
+    columns = []
+    names = [n for n in case.segment.entries if n in record]
+    for u in (*(record[n] for n in names), *outputs[log].T):
+        centred = u - u.mean()
+        size = max(float(np.abs(centred).max()), 1e-300)
+        x = centred / size
+        rate = np.diff(u, prepend=u[:1])
+        turn = np.tanh(rate / max(0.2 * float(np.sqrt(np.mean(rate**2))), 1e-300))
+        columns += [x, np.abs(u / size), x**3, turn]
+    return np.stack(columns, axis=1) if columns else np.zeros((len(record), 0))
+
+
+def carried_noise(case: Case, fitted: Fitted, noises: dict[str, float]) -> tuple[Array, ...]:
+    """Per exit (n,): what white noise of these standard deviations on measured inputs sends through the segment."""
+    noisy = {n: s for n, s in noises.items() if n in case.segment.entries and s > 0}
+    if not noisy:
+        return tuple(np.zeros(len(case.records[0])) for _ in case.exits)
+    record = case.records[0]
+    generator = np.random.default_rng(7)
+    columns = {n: record[n] + s * generator.standard_normal(len(record)) for n, s in noisy.items()}
+    moved = Record(record.time, {**record.columns, **columns}, record.units, record.held)
+    replay = case.replays(fitted.added)[0]
+    stimuli = {**replay.stimuli, **case.stimuli_for(moved, tuple(noisy))}
+    run = Replay(replay.loop, stimuli, replay.time, replay.signals, replay.free)
+    change = run.run(fitted.values) - replay.run(fitted.values)
+    return tuple(change.T)
+
+
+def noise_of(
+    case: Case, fitted: Fitted, carried: tuple[Array, ...], *, share: float = CLEANED
+) -> tuple[Whitening, ...]:
+    """One filter per exit from the residual of a fitted hypothesis.
+
+    carried: what the inputs' noise sends to each exit; `share` of it is taken to be there at least.
+    """
+    outputs = case.outputs(fitted.added, fitted.values)
+    found = []
+    for j, exit in enumerate(case.exits):
+        spectra = [
+            incoherent_spectrum(case.measured[k][:, j] - outputs[k][:, j], features(case, outputs, k))
+            for k in range(len(case.records))
+        ]
+        longest = max(range(len(spectra)), key=lambda k: len(spectra[k][0]))
+        frequency = spectra[longest][0]
+        density = np.mean([np.interp(frequency, f, d) for f, d in spectra], axis=0)
+        held = exit in case.records[0].held
+        spread = float(np.concatenate([m[:, j] for m in case.measured]).std())
+        floor = ((RESOLVED_HELD if held else RESOLVED) * spread) ** 2
+        least = incoherent_spectrum(carried[j], np.zeros((len(carried[j]), 0)))
+        density = np.maximum(density, floor + share**2 * np.interp(frequency, *least))
+        found.append(whitening(frequency, density))
+    return tuple(found)
+
+
+def column_noise(values: Array, held: bool) -> float:
+    """Noise of a measured column by its fourth differences; 0 for held signals and for what is nearly exact."""
+    if held:
+        return 0.0
+    found = difference_noise(values)
+    return found if found > 2e-4 * float(np.std(values)) else 0.0

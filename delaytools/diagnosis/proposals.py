@@ -1,0 +1,83 @@
+"""All candidates for a fitted hypothesis, screened, and the few that are worth a fit."""
+
+from collections import defaultdict
+from collections.abc import Sequence
+
+from delaytools.diagnosis.added import Added
+from delaytools.diagnosis.case import Case
+from delaytools.diagnosis.fitting import Fitted
+from delaytools.diagnosis.places import spots
+from delaytools.diagnosis.screen import Base, Screened, base_of, response, screened
+from delaytools.diagnosis.spectra import interferences, modes
+from delaytools.diagnosis.starts import candidates
+from delaytools.diagnosis.stepwise import quantisations, with_period_fitted
+from delaytools.diagnosis.views import case_view
+from delaytools.diagnosis.windows import transients, with_edges_fitted
+
+__all__ = ["PENALTY", "proposals", "shortlisted"]
+
+PENALTY = 20.0  # χ² that every value of an effect costs
+LEAST = 25.0  # χ² below which a candidate is not worth a fit
+PLACES = {"periodic_interference": 3, "flexible_mode": 5, "cross_coupling": 3, "parameter_change": 4}
+MOST = 14
+
+
+def proposals(case: Case, fitted: Fitted) -> list[Screened]:
+    """The shortlist of candidates beside what the hypothesis already holds, the most promising first."""
+    base = base_of(case, fitted)
+    return sharpened(base, shortlisted(_all(base)))
+
+
+def _all(base: Base) -> list[Screened]:
+    """Every candidate with what it could take off, the most first."""
+    case, fitted = base.case, base.fitted
+    places = spots(case.segment)
+    view = case_view(case, fitted)
+    found = screened(base, candidates(view, places))
+    found += interferences(base, places) + modes(base, view, places)
+    found += transients(base, places)
+    found += quantisations(base, view, places) + _dropped(base)
+    taken = {one.key for one in fitted.added}
+    return sorted((s for s in found if s.added.key not in taken), key=_worth, reverse=True)
+
+
+def _dropped(base: Base) -> list[Screened]:
+    """Dropped frames where the logs show them, by the share that was lost."""
+    found = []
+    for at, share in base.case.lost.items():
+        if share > 0:
+            error = {"probability": (share * (1 - share) * base.case.step / base.case.duration) ** 0.5}
+            one = Added(
+                "dropped_frames", at, {"probability": share}, {}, frozenset({"probability"}), {}, error
+            )
+            change = response(base, one)
+            found.append(Screened(one, 0.0 if change is None else base.gain(change)[0]))
+    return found
+
+
+def _worth(one: Screened) -> float:
+    return one.gain - PENALTY * len(one.added.values)
+
+
+def shortlisted(found: Sequence[Screened], *, part: float = 0.4) -> list[Screened]:
+    """The best places of every kind whose worth is at least `part` of the best worth there is."""
+    if not found:
+        return []
+    top = _worth(found[0])
+    count: dict[str, int] = defaultdict(int)
+    kept = []
+    for one in found:
+        kind = one.added.kind.partition(":")[0]
+        if _worth(one) < max(LEAST, part * top) or count[kind] >= PLACES.get(kind, 2):
+            continue
+        count[kind] += 1
+        kept.append(one)
+    return kept[:MOST]
+
+
+def sharpened(base: Base, found: Sequence[Screened]) -> list[Screened]:
+    """The shortlist with what no derivative can fit: the periods of resamplings, the edges of transients."""
+    return [_SHARPEN[one.added.kind](base, one.added) if one.added.kind in _SHARPEN else one for one in found]
+
+
+_SHARPEN = {"sample_hold": with_period_fitted, "transient_gain": with_edges_fitted}

@@ -1,0 +1,129 @@
+"""Finite-amplitude profiles: what each candidate could take off the residual, other free values allowed for."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from typing import final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from delaytools.blocks.block import specifications
+from delaytools.design.catalogue import EFFECTS
+from delaytools.diagnosis.added import Added
+from delaytools.diagnosis.case import Case
+from delaytools.diagnosis.fitting import Fitted
+from delaytools.diagnosis.starts import LINEAR, Candidate
+from delaytools.signals.trouble import DelaytoolsError
+
+__all__ = ["Base", "Screened", "base_of", "response", "screened"]
+
+Array = NDArray[np.float64]
+STIFFEST = 10.0  # level over smoothing, in 1/row, beyond which friction is not resolved
+STRETCH = (0.4, 2.5)  # by which a grid point's response may be scaled when its gain is judged
+
+
+@final
+@dataclass(frozen=True)
+class Screened:
+    """A candidate with its best start, and the χ² that it would take off."""
+
+    added: Added
+    gain: float
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Base:
+    """A fitted hypothesis as seen by candidates: its residual with all that its free values can do projected out."""
+
+    case: Case
+    fitted: Fitted
+    outputs: tuple[Array, ...]
+    basis: Array
+    residual: Array
+
+    def projected(self, rows: Array) -> Array:
+        """What of whitened rows the free values cannot imitate."""
+        return rows - self.basis @ (self.basis.T @ rows)
+
+    def gain(self, change: Array, low: float = -np.inf, high: float = np.inf) -> tuple[float, float]:
+        """χ² that a whitened change of the outputs takes off at its best scale within [low, high], and that scale."""
+        own = self.projected(change)
+        power = float(own @ own)
+        if not np.isfinite(power) or power <= 1e-12 * float(change @ change) or power <= 0:
+            return 0.0, 0.0
+        scale = float(np.clip(float(own @ self.residual) / power, low, high))
+        return 2 * scale * float(own @ self.residual) - scale**2 * power, scale
+
+
+def base_of(case: Case, fitted: Fitted) -> Base:
+    """The base of a fitted hypothesis."""
+    columns = fitted.jacobian[:, np.abs(fitted.jacobian).max(axis=0, initial=0.0) > 0]
+    scaled = columns / np.linalg.norm(columns, axis=0) if columns.size else columns
+    basis, triangle = np.linalg.qr(scaled) if columns.size else (np.zeros((len(fitted.residual), 0)), scaled)
+    if columns.size:
+        basis = basis[:, np.abs(np.diag(triangle)) > 1e-7]
+    residual = fitted.residual - basis @ (basis.T @ fitted.residual)
+    return Base(case, fitted, case.outputs(fitted.added, fitted.values), basis, residual)
+
+
+def response(base: Base, one: Added) -> Array | None:
+    """(rows,) whitened change of the exits when the effect is added at its values; None where the run fails."""
+    added = (*base.fitted.added, one)
+    known = {p.path: p.value for p in base.fitted.parameters}
+    values = tuple(known.get(p.path, p.value) for p in base.case.parameters(added))
+    try:
+        outputs = base.case.outputs(added, values)
+    except DelaytoolsError:
+        return None
+    change = tuple(after - before for after, before in zip(outputs, base.outputs, strict=True))
+    if not all(np.isfinite(rows).all() and np.abs(rows).max(initial=0) < 1e100 for rows in change):
+        return None
+    return base.case.whitened(change)
+
+
+def screened(base: Base, candidates: Iterable[Candidate]) -> list[Screened]:
+    """Every candidate that takes something off, the most first."""
+    found = [best for one in candidates if (best := _best(base, one)) is not None]
+    return sorted(found, key=lambda s: -s.gain)
+
+
+def _best(base: Base, candidate: Candidate) -> Screened | None:
+    if candidate.manner == LINEAR:
+        return _scaled(base, candidate.first, candidate.amplitude)
+    best: Screened | None = None
+    for one in candidate.tries:
+        change = response(base, one)
+        gain = 0.0 if change is None else base.gain(change, *STRETCH)[0]
+        if gain > 0 and (best is None or gain > best.gain):
+            best = Screened(one, gain)
+    return best
+
+
+def _not_too_stiff(one: Added, narrowest: float) -> Added:
+    """Friction whose smoothing stays wide enough for a few steps per row."""
+    low, high = one.limits.get("smoothing", (0.0, np.inf))
+    low = max(low, narrowest)
+    limits = {**one.limits, "smoothing": (low, max(high, 2 * low))}
+    return replace(one.moved({"smoothing": max(one.values["smoothing"], low)}), limits=limits)
+
+
+def _scaled(base: Base, one: Added, amplitude: str) -> Screened | None:
+    change = response(base, one)
+    if change is None:
+        return None
+    gain, scale = base.gain(change)
+    spec = specifications(EFFECTS[one.kind])[amplitude]
+    neutral = spec.neutral or 0.0
+    start = one.values[amplitude]
+    best = neutral + scale * (start - neutral)
+    if gain <= 0 or not spec.allows(best):
+        return None
+    factor = {amplitude: best, **{n: v * scale for n, v in one.values.items() if n in ("stiction",)}}
+    moved = one.moved(factor)
+    if "smoothing" not in one.values:
+        return Screened(moved, gain)
+    moved = _not_too_stiff(moved, best * base.case.step / STIFFEST)
+    change = response(base, moved)
+    real = 0.0 if change is None else base.gain(change, *STRETCH)[0]
+    return Screened(moved, max(real, 0.5 * gain))

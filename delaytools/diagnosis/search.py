@@ -1,0 +1,218 @@
+"""Forward, swap and backward: which effects a segment needs, each re-fitted with everything else that is free."""
+
+import time
+from dataclasses import dataclass, replace
+from typing import final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from delaytools.diagnosis.added import Added
+from delaytools.diagnosis.case import Case
+from delaytools.diagnosis.fitting import Fitted, fit_hypothesis
+from delaytools.diagnosis.heldout import HeldOut, held_out
+from delaytools.diagnosis.noise import incoherent_spectrum
+from delaytools.diagnosis.noise_of import noise_of
+from delaytools.diagnosis.proposals import PENALTY, proposals
+from delaytools.diagnosis.stepwise import with_draws
+from delaytools.diagnosis.upgrades import richer
+from delaytools.signals.trouble import DelaytoolsError
+
+__all__ = ["Finding", "search"]
+
+Array = NDArray[np.float64]
+NAMED = 60.0  # held-out χ² that an effect must be worth
+PART_OF_NOISE = 0.25  # of the noise rms that an effect must contribute
+IN_A_BAND = 1.5  # times the noise density, where an effect is small in all
+MOST = 3
+QUICK = 1e-4
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Finding:
+    """What a search found in one segment.
+
+    case: with the filters of the last hypothesis. null, fitted: without and with the effects. steps: the hypotheses on
+    the way. rivals: per effect, other candidates fitted in its place. small: significant, but below the noise.
+    """
+
+    case: Case
+    null: Fitted
+    fitted: Fitted
+    steps: tuple[Fitted, ...]
+    rivals: tuple[tuple[Fitted, ...], ...]
+    small: tuple[Added, ...]
+    exhausted: bool
+
+
+def search(case: Case, carried: tuple[Array, ...], *, deadline: float = np.inf) -> Finding:
+    """The effects that the logs of a segment ask for; `carried` is what the inputs' noise sends to its exits."""
+    case = case.whitened_by(noise_of(case, _unfitted(case), carried))
+    if case.residual(case.outputs((), _unfitted(case).values)).std() > 1e-2:
+        case = with_draws(case)
+    null = fit_hypothesis(case, ())
+    case, null = _rewhitened(case, null, carried)
+    fitted, steps, small = null, [null], []
+    rivals: list[list[Fitted]] = []
+    while len(fitted.added) < MOST and fitted.chi2 > NAMED + PENALTY and time.monotonic() < deadline:
+        best, others, seen = _step(case, fitted, carried, deadline)
+        if best is None:
+            break
+        if not _worthwhile(seen, fitted, best, carried):
+            small.append(best.added[-1])
+            break
+        kept = [k for k, one in enumerate(fitted.added) if one.key in {b.key for b in best.added}]
+        rivals = [*(rivals[k] for k in kept), others]
+        case, fitted = seen, best
+        steps.append(fitted)
+    case, fitted, rivals = _swapped(case, fitted, rivals, carried, deadline)
+    case, fitted, rivals = _pruned(case, fitted, rivals, carried)
+    null = fit_hypothesis(case, (), near=null)
+    exhausted = time.monotonic() >= deadline
+    return Finding(case, null, fitted, tuple(steps), tuple(tuple(r) for r in rivals), tuple(small), exhausted)
+
+
+def _unfitted(case: Case) -> Fitted:
+    parameters = case.parameters(())
+    return Fitted((), parameters, np.zeros(0), np.zeros((0, len(parameters))))
+
+
+def _rewhitened(case: Case, fitted: Fitted, carried: tuple[Array, ...]) -> tuple[Case, Fitted]:
+    """The case seen through the noise that this hypothesis leaves, and the hypothesis fitted again."""
+    case = case.whitened_by(noise_of(case, fitted, carried))
+    return case, fit_hypothesis(case, fitted.added, near=fitted)
+
+
+def _step(
+    case: Case, fitted: Fitted, carried: tuple[Array, ...], deadline: float
+) -> tuple[Fitted | None, list[Fitted], Case]:
+    """The hypothesis with the best effect more, its rivals, and the case seen through the noise that it leaves."""
+    found = proposals(case, fitted)
+    hypotheses = [(*fitted.added, one.added) for one in found]
+    hypotheses += richer(case, fitted, least=0.5 * max((one.gain for one in found), default=0.0))
+    tried = _fits(case, fitted, hypotheses, deadline)
+    if not tried:
+        return None, [], case
+    best = tried[0]
+    seen = case.whitened_by(noise_of(case, best, carried))
+    near = [
+        t
+        for k, t in enumerate(tried)
+        if _cost(t) < _cost(best) + max((0.3 if k < 3 else 0.0) * best.chi2, 400.0)
+    ][:6]
+    again = sorted((f for t in near if (f := _refit(seen, t)) is not None), key=_cost)
+    return again[0], again[1:], seen
+
+
+def _fits(case: Case, fitted: Fitted, hypotheses: list[tuple[Added, ...]], deadline: float) -> list[Fitted]:
+    tried = []
+    for added in hypotheses:
+        if time.monotonic() > deadline and tried:
+            break
+        try:
+            tried.append(fit_hypothesis(case, added, near=fitted, tolerance=QUICK))
+        except (DelaytoolsError, np.linalg.LinAlgError, ValueError):
+            continue
+    return sorted(_best_of_each(tried), key=_cost)
+
+
+def _best_of_each(tried: list[Fitted]) -> list[Fitted]:
+    best: dict[object, Fitted] = {}
+    for one in tried:
+        key = one.added[-1].key
+        if np.isfinite(one.chi2) and (key not in best or one.chi2 < best[key].chi2):
+            best[key] = one
+    return list(best.values())
+
+
+def _refit(case: Case, fitted: Fitted) -> Fitted | None:
+    try:
+        return fit_hypothesis(case, fitted.added, near=fitted)
+    except (DelaytoolsError, np.linalg.LinAlgError, ValueError):
+        return None
+
+
+def _cost(one: Fitted) -> float:
+    return one.chi2 + PENALTY * one.size
+
+
+def judged(case: Case, fitted: Fitted) -> HeldOut:
+    """A hypothesis on data not used for its fit."""
+    return held_out(fitted, case.rows)
+
+
+def _worthwhile(case: Case, before: Fitted, after: Fitted, carried: tuple[Array, ...]) -> bool:
+    """Whether an effect more pays on held-out data, and is not lost in the noise."""
+    without = _refit(case, before)
+    if without is None:
+        return True
+    gain, _ = judged(case, after).better_than(judged(case, without))
+    if gain < NAMED + PENALTY * (after.size - without.size - 1):
+        return False
+    return matters(case, without, after, carried)
+
+
+def matters(case: Case, before: Fitted, after: Fitted, carried: tuple[Array, ...]) -> bool:
+    """Whether the last effect contributes more than a part of the noise, in all or in some band."""
+    log = 0
+    kept = case.outputs(after.added, after.values)[log]
+    known = after.by_path
+    values = tuple(known[p.path].value for p in case.parameters(after.added[:-1]) if p.path in known)
+    lost = case.outputs(after.added[:-1], values)[log] if len(values) == len(
+        case.parameters(after.added[:-1])
+    ) else case.outputs(before.added, before.values)[log]  # fmt: skip
+    none = np.zeros((len(kept), 0))
+    for j in range(len(case.exits)):
+        change = kept[:, j] - lost[:, j]
+        noise = case.whitening[j]
+        frequency, sent = incoherent_spectrum(carried[j], none)
+        density = np.maximum(noise.density, np.interp(noise.frequency, frequency, sent))
+        rms = float(np.sqrt(np.mean(density[1:])))
+        if float(np.sqrt(np.mean(change**2))) > PART_OF_NOISE * rms:
+            return True
+        own = np.interp(noise.frequency, *incoherent_spectrum(change - change.mean(), none))
+        if np.any(own[1:] > IN_A_BAND**2 * density[1:]):
+            return True
+    return False
+
+
+def _swapped(
+    case: Case, fitted: Fitted, rivals: list[list[Fitted]], carried: tuple[Array, ...], deadline: float
+) -> tuple[Case, Fitted, list[list[Fitted]]]:
+    """Every effect taken out in turn and everything tried in its place; what fits better stays."""
+    if len(fitted.added) < 2:
+        return case, fitted, rivals
+    for place in range(len(fitted.added)):
+        if time.monotonic() > deadline:
+            break
+        rest = tuple(one for k, one in enumerate(fitted.added) if k != place)
+        without = fit_hypothesis(case, rest, near=fitted, tolerance=QUICK)
+        found = [(*without.added, one.added) for one in proposals(case, without)[:8]]
+        tried = _fits(case, without, found, deadline)
+        again = sorted((f for t in tried[:4] if (f := _refit(case, t)) is not None), key=_cost)
+        if again and _cost(again[0]) < _cost(fitted) - 1.0:
+            ordered = (*again[0].added[:place], again[0].added[-1], *again[0].added[place:-1])
+            case, fitted = _rewhitened(case, replace(again[0], added=again[0].added), carried)
+            fitted = fit_hypothesis(case, ordered, near=fitted)
+            again = again[1:]
+        rivals[place] = [r for r in again if r.added[-1].key != fitted.added[place].key]
+    return case, fitted, rivals
+
+
+def _pruned(
+    case: Case, fitted: Fitted, rivals: list[list[Fitted]], carried: tuple[Array, ...]
+) -> tuple[Case, Fitted, list[list[Fitted]]]:
+    """Effects that are no longer worth their values are taken out again."""
+    place = 0
+    while place < len(fitted.added) and len(fitted.added) > 1:
+        rest = tuple(one for k, one in enumerate(fitted.added) if k != place)
+        without = fit_hypothesis(case, rest, near=fitted)
+        last = fit_hypothesis(case, (*rest, fitted.added[place]), near=fitted)
+        if _worthwhile(case, without, last, carried):
+            place += 1
+            continue
+        case, fitted = _rewhitened(case, without, carried)
+        rivals = [r for k, r in enumerate(rivals) if k != place]
+        place = 0
+    return case, fitted, rivals

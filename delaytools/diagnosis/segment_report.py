@@ -1,0 +1,211 @@
+"""What a search found in one segment, as plain figures that can travel between processes."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from delaytools.diagnosis.added import Added
+from delaytools.diagnosis.answer import Confusable, Missing, Quantity, Rival, Step, Unexplained
+from delaytools.diagnosis.case import Case
+from delaytools.diagnosis.fitting import Fitted, fit_hypothesis
+from delaytools.diagnosis.heldout import held_out
+from delaytools.diagnosis.noise import incoherent_spectrum, whitening
+from delaytools.diagnosis.noise_of import features
+from delaytools.diagnosis.quantities import quantities
+from delaytools.diagnosis.search import PENALTY, Finding
+from delaytools.diagnosis.structure import Band, structured_bands
+
+__all__ = ["SegmentReport", "segment_report"]
+
+Array = NDArray[np.float64]
+ALIKE = 12.0  # χ² (values paid for) within which two effects explain the logs equally well
+LEFT = 0.15  # power of structure left in a band, of the noise there
+CHANCE = 1e-8
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class SegmentReport:
+    """Everything of one segment that an answer needs.
+
+    outputs: per log (n, exits) of the fitted model. directions: per log (n, exits, k), one standard error of each
+    fitted value.
+    """
+
+    exits: tuple[str, ...]
+    outputs: tuple[Array, ...]
+    directions: tuple[Array, ...]
+    missing: tuple[Missing, ...]
+    ranking: tuple[Rival, ...]
+    confusable: tuple[Confusable, ...]
+    steps: tuple[Step, ...]
+    unexplained: tuple[Unexplained, ...]
+    tolerated: Mapping[str, Quantity]
+    notes: tuple[str, ...]
+    exhausted: bool
+
+
+def segment_report(found: Finding) -> SegmentReport:
+    """The figures of a search."""
+    case, fitted = found.case, found.fitted
+    left = _unexplained(case, fitted)
+    sets = [_alike(found, k) for k in range(len(fitted.added))]
+    confusable = tuple(
+        Confusable(case.exits[0], tuple(_rival(case, one, fitted) for one in (fitted, *members)))
+        for members in sets
+        if members
+    )
+    missing = tuple(_missing(found, k, certain=not sets[k] and not left) for k in range(len(fitted.added)))
+    return SegmentReport(
+        case.exits, case.outputs(fitted.added, fitted.values), _directions(case, fitted), missing, _ranking(found), confusable,
+        _steps(found, adequate=not left), left, _tolerated(case, fitted), _notes(found), found.exhausted,
+    )  # fmt: skip
+
+
+def _directions(case: Case, fitted: Fitted) -> tuple[Array, ...]:
+    """What one standard error of each fitted value does to the outputs."""
+    stds = np.array([p.std for p in fitted.parameters])
+    sure = np.isfinite(stds) & (stds > 0)
+    if not sure.any():
+        return tuple(np.zeros((*m.shape, 0)) for m in case.measured)
+    slopes = [replay.run_with_derivatives(fitted.values)[1] for replay in case.replays(fitted.added)]
+    return tuple(rows[:, :, sure] * stds[sure] for rows in slopes)
+
+
+def _alike(found: Finding, place: int) -> tuple[Fitted, ...]:
+    """Rivals of an effect that explain the logs as well, of another kind than it."""
+    mine = found.fitted.added[place]
+    best = _cost(found.fitted)
+    members: dict[str, Fitted] = {}
+    for one in found.rivals[place] if place < len(found.rivals) else ():
+        other = one.added[-1]
+        if len(one.added) != len(found.fitted.added) or other.kind == mine.kind:
+            continue
+        _, spread = held_out(one, found.case.rows).better_than(held_out(found.fitted, found.case.rows))
+        if _cost(one) - best < max(ALIKE, min(spread, 3 * ALIKE)):
+            members.setdefault(other.kind, one)
+    return tuple(members.values())
+
+
+def _cost(one: Fitted) -> float:
+    return one.chi2 + PENALTY * one.size
+
+
+def _missing(found: Finding, place: int, *, certain: bool) -> Missing:
+    case, fitted = found.case, found.fitted
+    one = fitted.added[place]
+    same = [r.added[-1] for r in (found.rivals[place] if place < len(found.rivals) else ())]
+    also = tuple(dict.fromkeys(o.at for o in same if o.kind == one.kind and o.at != one.at))
+    settings = {**one.fixed, **{n: v for n, v in one.values.items() if n not in one.reported}}
+    values = quantities(case.segment.loop, fitted, place)
+    return Missing(one.kind, one.at, case.exits[0], values, settings, certain, also)
+
+
+def _rival(case: Case, one: Fitted, best: Fitted) -> Rival:
+    place = len(one.added) - 1
+    added: Added = one.added[place]
+    out = held_out(one, case.rows)
+    null = held_out(best, case.rows)
+    gain, _ = out.better_than(null)
+    rms = float(np.sqrt(np.mean(out.residual**2)))
+    settings = {**added.fixed, **{n: v for n, v in added.values.items() if n not in added.reported}}
+    values = quantities(case.segment.loop, one, place)
+    return Rival(added.kind, added.at, values, settings, rms, gain, one.chi2 - best.chi2)
+
+
+def _ranking(found: Finding) -> tuple[Rival, ...]:
+    """All fitted candidates against the hypothesis without any effect, the best first."""
+    null = found.null
+    every = [found.fitted, *(r for group in found.rivals for r in group)] if found.fitted.added else []
+    rivals = []
+    for one in every:
+        rival = _rival(found.case, one, found.fitted)
+        gain, _ = held_out(one, found.case.rows).better_than(held_out(null, found.case.rows))
+        rivals.append(Rival(rival.effect, rival.at, rival.parameters, rival.settings, rival.held_out_rms, gain,
+                            rival.delta_chi2))  # fmt: skip
+    return tuple(sorted(rivals, key=lambda r: r.held_out_rms))
+
+
+def _unexplained(case: Case, fitted: Fitted) -> tuple[Unexplained, ...]:
+    outputs = case.outputs(fitted.added, fitted.values)
+    left = _left_over(case, outputs)
+    found = []
+    for j, exit in enumerate(case.exits):
+        residual = left[0][:, j]
+        white = case.whitening[j].apply(residual)
+        inputs = features(case, outputs, 0)
+        bands = structured_bands(white, inputs)
+        bad = [b for b in bands if b.share > LEFT and b.probability < CHANCE]
+        if bad:
+            found.append(_left(case, exit, bad, (white, inputs)))
+    return tuple(found)
+
+
+def _left_over(case: Case, outputs: tuple[Array, ...]) -> tuple[Array, ...]:
+    """Per log (n, exits): measured minus model, less what uncertain values of other segments can do."""
+    return case.without_nuisance(tuple(m - y for m, y in zip(case.measured, outputs, strict=True)))
+
+
+def _left(case: Case, exit: str, bands: list[Band], rows: tuple[Array, Array]) -> Unexplained:
+    total = float(np.mean(rows[0] ** 2))
+    power = sum(b.share * 2 * (b.high - b.low) for b in bands)
+    limits = tuple((b.low / case.step, b.high / case.step) for b in bands)
+    return Unexplained(exit, min(power / max(total, 1e-300), 1.0), limits, "")
+
+
+def _steps(found: Finding, *, adequate: bool) -> tuple[Step, ...]:
+    """The ladder of this segment: as designed, tolerances fitted, and one rung for every effect."""
+    case = _seen_plainly(found.case, found.fitted, adequate)
+    nominal = case.parameters(())
+    bare = case.residual(case.outputs((), tuple(p.value for p in nominal)))
+    steps = [_step(case, "as designed", Fitted((), (), bare, np.zeros((len(bare), 0))), ())]
+    last = None
+    for count in range(len(found.fitted.added) + 1):
+        added = found.fitted.added[:count]
+        if count == 0 and not nominal:
+            continue
+        last = fit_hypothesis(case, added, near=last or found.null)
+        label = f"+ {added[-1].name}" if added else "tolerances fitted"
+        steps.append(_step(case, label, last, last.values))
+    return tuple(steps)
+
+
+def _seen_plainly(case: Case, fitted: Fitted, adequate: bool) -> Case:
+    """The case with filters that make the final residual white, without floors: 1 is what is left at the end."""
+    outputs = case.outputs(fitted.added, fitted.values)
+    left = _left_over(case, outputs)
+    filters = []
+    for j in range(len(case.exits)):
+        residual = left[0][:, j]
+        inputs = np.zeros((len(residual), 0)) if adequate else features(case, outputs, 0)
+        filters.append(whitening(*incoherent_spectrum(residual, inputs)))
+    return case.whitened_by(tuple(filters))
+
+
+def _step(case: Case, label: str, fitted: Fitted, values: tuple[float, ...]) -> Step:
+    start = values or tuple(p.value for p in case.parameters(()))
+    left = _left_over(case, case.outputs(fitted.added, start))
+    out = held_out(fitted, case.rows)
+    errors, white = {}, {}
+    for j, exit in enumerate(case.exits):
+        here = case.rows.exit == j
+        inside = float(np.sqrt(np.mean(fitted.residual[here] ** 2)))
+        white[exit] = float(np.sqrt(np.mean(out.residual[here] ** 2)))
+        rms = float(np.sqrt(np.mean(np.concatenate([rows[:, j] for rows in left]) ** 2)))
+        errors[exit] = rms * (white[exit] / inside if inside > 0 else 1.0)
+    return Step(label, errors, white)
+
+
+def _tolerated(case: Case, fitted: Fitted) -> dict[str, Quantity]:
+    own = {p.path for p in case.tolerated}
+    return {p.path: Quantity(p.value, p.std) for p in fitted.parameters if p.path in own}
+
+
+def _notes(found: Finding) -> tuple[str, ...]:
+    return tuple(
+        f"{one.name} is significant at {found.case.exits[0]} but smaller than a quarter of the noise: not named"
+        for one in found.small
+    )

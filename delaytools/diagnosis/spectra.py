@@ -1,0 +1,161 @@
+"""Candidates found in the spectrum of the residual: interference, and a mode that another signal shakes."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from delaytools.diagnosis.added import Added
+from delaytools.diagnosis.places import Spot
+from delaytools.diagnosis.screen import Base, Screened, response
+from delaytools.diagnosis.views import View
+from delaytools.loop.port import Port
+from delaytools.signals.record import Record
+from delaytools.simulation.replay import Replay
+
+__all__ = ["impulse", "interferences", "modes"]
+
+Array = NDArray[np.float64]
+PROBE = "probe@impulse"
+DAMPINGS = (0.008, 0.025, 0.08, 0.2)
+LIGHT = 0.4  # damping above which a mode is none
+RATIO = 1.02  # of neighbouring frequencies of the search for modes
+LINES = 3  # highest lines tried at a port
+MODES = 3  # modes tried per port and source
+_CHUNK = 64
+
+
+def impulse(base: Base, port: Port, log: int = 0) -> Array | None:
+    """(n, exits): response to a straight-line pulse of height 1 at row 0 of a log, put in at a port.
+
+    Convolved with any column it gives the response to that column, where the segment is linear.
+    """
+    case, added = base.case, base.fitted.added
+    probe = Added("cross_coupling", str(port), {"gain": 1.0}, {"source": PROBE})
+    replay = case.replays((*added, probe))[log]
+    record = case.records[log]
+    height = np.zeros(len(record))
+    height[1] = 1.0
+    carried = Record(record.time, {**record.columns, PROBE: height}, record.units, record.held)
+    pulse = case.stimuli_for(carried, (PROBE,))
+    known = {p.path: p.value for p in base.fitted.parameters}
+    values = tuple(known.get(path, 1.0) for path in replay.free)
+    driven = Replay(replay.loop, {**replay.stimuli, **pulse}, replay.time, replay.signals, replay.free)
+    rows = driven.run(values) - base.outputs[log]
+    found = np.vstack([rows[1:], np.zeros((1, rows.shape[1]))])
+    return found if np.isfinite(found).all() else None
+
+
+def _whitened_spectra(base: Base, log: int, size: int) -> tuple[Array, Array]:
+    """(exits, bins): spectra of the whitened residual of one log, and of the filters."""
+    rows = base.case.rows
+    count = len(base.case.exits)
+    parts = [base.residual[(rows.log == log) & (rows.exit == j)] for j in range(count)]
+    filters = [np.fft.rfft(base.case.whitening[j].taps, size) for j in range(count)]
+    return np.stack([np.fft.rfft(part, size) for part in parts]), np.stack(filters)
+
+
+def interferences(base: Base, spots: Sequence[Spot]) -> list[Screened]:
+    """The highest lines of the whitened residual, as interference where it leaves a block of the segment."""
+    found = []
+    case = base.case
+    size = 4 * len(case.records[0])
+    spectra, filters = _whitened_spectra(base, 0, size)
+    frequency = np.fft.rfftfreq(size, case.step)
+    for spot in (s for s in spots if s.kind == "periodic_interference"):
+        signal = case.segment.loop[spot.port.element].outputs[spot.port.name]
+        if signal not in case.exits:
+            continue
+        index = case.exits.index(signal)
+        power = np.abs(spectra[index]) ** 2 * 2 / len(case.records[0])
+        power[: size // len(case.records[0])] = 0.0
+        for peak in _peaks(power, LINES, apart=2 * size // len(case.records[0])):
+            line = spectra[index][peak] / filters[index][peak] * 2 / len(case.records[0])
+            values = {
+                "amplitude": max(float(np.abs(line)), 1e-300),
+                "frequency": float(frequency[peak]),
+                "phase": float(np.angle(line * 1j)),
+            }
+            limits = {"phase": (-10.0, 10.0), "frequency": _near(frequency[peak], 1 / case.duration)}
+            one = Added(spot.kind, str(spot.port), values, {}, frozenset(), limits)
+            change = response(base, one)
+            gain = 0.0 if change is None else base.gain(change, 0.4, 2.5)[0]
+            found.append(Screened(one, max(gain, 0.8 * float(power[peak]))))
+    return found
+
+
+def _near(frequency: float, width: float) -> tuple[float, float]:
+    return max(float(frequency) - 3 * width, 0.1 * width), float(frequency) + 3 * width
+
+
+def _peaks(power: Array, count: int, *, apart: int) -> list[int]:
+    left = power.copy()
+    found = []
+    for _ in range(count):
+        best = int(np.argmax(left))
+        if left[best] <= 0:
+            break
+        found.append(best)
+        left[max(best - apart, 0) : best + apart + 1] = 0.0
+    return found
+
+
+def modes(base: Base, view: View, spots: Sequence[Spot]) -> list[Screened]:
+    """Modes at the ports of the segment, by source: a dense grid of frequencies and dampings, in the spectrum."""
+    case = base.case
+    size = 2 * len(case.records[0])
+    spectra, filters = _whitened_spectra(base, 0, size)
+    ways: list[tuple[Port, str]] = []
+    products, powers = [], []
+    for port in dict.fromkeys(s.port for s in spots if s.kind == "flexible_mode"):
+        pulse = impulse(base, port)
+        if pulse is None:
+            continue
+        through = np.fft.rfft(pulse, size, axis=0).T * filters
+        for source in view.sources:
+            shaken = view.signals[0][source]
+            if view.is_at(port, source) and port.kind == "output":
+                continue
+            driven = through * np.fft.rfft(shaken - shaken[0], size)
+            products.append(np.sum(spectra.conj() * driven, axis=0))
+            powers.append(np.sum(np.abs(driven) ** 2, axis=0))
+            ways.append((port, source))
+    if not ways:
+        return []
+    return _best_modes(np.stack(products, 1), np.stack(powers, 1), ways, (size, case.step))
+
+
+def _best_modes(
+    products: Array, powers: Array, ways: list[tuple[Port, str]], sampling: tuple[int, float]
+) -> list[Screened]:
+    size, step = sampling
+    count = size // 2
+    frequency = np.fft.rfftfreq(size, step)
+    centres = np.exp(np.arange(math.log(4 / (count * step)), math.log(0.45 / step), math.log(RATIO)))
+    best: dict[int, list[tuple[float, float, float, float]]] = {k: [] for k in range(len(ways))}
+    for damping in DAMPINGS:
+        for first in range(0, len(centres), _CHUNK):
+            chosen = centres[first : first + _CHUNK]
+            shape = _shape(frequency, chosen, damping)
+            up = (shape @ products.astype(np.complex64)).real
+            down = (np.abs(shape) ** 2) @ powers.astype(np.float32)
+            gains = np.where(down > 0, 2 * up / np.maximum(down, 1e-300), 0.0)
+            chi2 = 2 * np.where(down > 0, up**2 / np.maximum(down, 1e-300), 0.0) / size
+            for k in range(len(ways)):
+                top = int(np.argmax(chi2[:, k]))
+                best[k].append((float(chi2[top, k]), float(chosen[top]), damping, float(gains[top, k]) / 2))
+    found = []
+    for k, (port, source) in enumerate(ways):
+        for chi2, centre, damping, gain in sorted(best[k], reverse=True)[:MODES]:
+            values = {"gain": gain, "frequency": centre, "damping": damping}
+            limits = {"damping": (1e-4, LIGHT)}
+            found.append(Screened(Added("flexible_mode", str(port), values, {"source": source}, frozenset(), limits),
+                                  chi2))  # fmt: skip
+    return found
+
+
+def _shape(frequency: Array, centres: Array, damping: float) -> Array:
+    """ω₀ s/(s² + 2ζω₀ s + ω₀²) at s = j2πf, for every centre and frequency."""
+    ratio = (frequency[None, :] / centres[:, None]).astype(np.float32)
+    return (1j * ratio / (1 - ratio**2 + 2j * np.float32(damping) * ratio)).astype(np.complex64)

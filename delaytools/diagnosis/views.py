@@ -1,0 +1,109 @@
+"""What a segment's signals do under a hypothesis: scales for the starting values of candidates."""
+
+from dataclasses import dataclass
+from typing import final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from delaytools.blocks.block import CASADI
+from delaytools.blocks.equations import Equations
+from delaytools.blocks.second_order import SecondOrder
+from delaytools.diagnosis.case import Case
+from delaytools.diagnosis.fitting import Fitted
+from delaytools.loop.port import Port
+from delaytools.simulation.replay import Replay
+
+__all__ = ["View", "case_view"]
+
+Array = NDArray[np.float64]
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class View:
+    """Signals of a segment and of the log by name, per log (n,); step in s."""
+
+    case: Case
+    signals: tuple[dict[str, Array], ...]
+
+    def at(self, port: Port) -> tuple[Array, ...]:
+        """The signal at a port, per log: what enters it, what leaves it, or the rate there."""
+        element = self.case.segment.loop[port.element]
+        if port.kind == "input":
+            x = element.inputs[port.name]
+            named = self.case.segment.loop.parameters
+            return tuple(
+                np.asarray(x.evaluate({**named, **known}, CASADI), dtype=float) for known in self.signals
+            )
+        if port.kind == "output":
+            return tuple(known[element.outputs[port.name]] for known in self.signals)
+        out = next(iter(element.outputs.values()))
+        return tuple(np.gradient(known[out], self.case.step) for known in self.signals)
+
+    def spread(self, port: Port) -> tuple[float, float]:
+        """Standard deviation and largest deviation from the mean of the signal at a port."""
+        found = np.concatenate([rows - rows.mean() for rows in self.at(port)])
+        return float(found.std()), float(np.abs(found).max())
+
+    @property
+    def sources(self) -> tuple[str, ...]:
+        """Columns of the log that could leak into this segment: all but its own exits."""
+        return tuple(n for n in self.case.records[0].names if n not in self.case.exits and "@" not in n)
+
+    def is_at(self, port: Port, signal: str) -> bool:
+        """Whether the signal stands at the port itself."""
+        element = self.case.segment.loop[port.element]
+        if port.kind == "input":
+            return element.inputs[port.name].text.strip() == signal
+        return port.kind == "output" and element.outputs[port.name] == signal
+
+    def state_rows(self, port: Port) -> tuple[Array, ...]:
+        """The state on whose derivative the port acts, per log, from the outputs of its block."""
+        element = self.case.segment.loop[port.element]
+        block = element.block
+        if isinstance(block, Equations):
+            for name, formula in block.formulas.items():
+                if formula.text.strip() == port.name:
+                    return tuple(known[element.outputs[name]] for known in self.signals)
+        out = next(iter(element.outputs.values()))
+        if isinstance(block, SecondOrder | Equations):
+            return tuple(np.gradient(known[out], self.case.step) for known in self.signals)
+        return tuple(known[out] for known in self.signals)
+
+    def state(self, port: Port) -> float:
+        """Root mean square of the state on whose derivative the port acts."""
+        return float(np.sqrt(np.mean(np.concatenate(self.state_rows(port)) ** 2)))
+
+    def peak_state(self, port: Port) -> float:
+        """Largest magnitude of the state on whose derivative the port acts."""
+        return float(np.abs(np.concatenate(self.state_rows(port))).max())
+
+    def derivative(self, port: Port) -> float:
+        """Standard deviation of the derivative at the port."""
+        return float(np.std(np.concatenate([np.gradient(v, self.case.step) for v in self.state_rows(port)])))
+
+    def position(self, port: Port) -> float:
+        """Largest magnitude of the position whose rate is the state at the port."""
+        element = self.case.segment.loop[port.element]
+        if isinstance(element.block, SecondOrder):
+            out = next(iter(element.outputs.values()))
+            return max(float(np.abs(known[out]).max()) for known in self.signals)
+        moved = [np.cumsum(v) * self.case.step for v in self.state_rows(port)]
+        return max(float(np.abs(x).max()) for x in moved)
+
+    def speed(self, port: Port, rows: int = 10) -> float:
+        """Largest rate of change over some rows at a port, in its unit per second."""
+        return max(float(np.abs(u[rows:] - u[:-rows]).max()) / (rows * self.case.step) for u in self.at(port))
+
+
+def case_view(case: Case, fitted: Fitted) -> View:
+    """All signals of the segment under a fitted hypothesis, with the log's own columns."""
+    loop = case.segment.loop
+    names = tuple(name for name in loop.signals if name in loop.writers and "@" not in name)
+    found = []
+    for replay, record in zip(case.replays(fitted.added), case.records, strict=True):
+        whole = Replay(replay.loop, replay.stimuli, replay.time, names, replay.free)
+        rows = whole.run(fitted.values)
+        found.append({**record.columns, **{name: rows[:, k] for k, name in enumerate(names)}})
+    return View(case, tuple(found))
