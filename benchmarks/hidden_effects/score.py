@@ -1,0 +1,214 @@
+"""Was the diagnosis right? One case against its answer, and tables over many.
+
+python -m benchmarks.hidden_effects.score CASES DIAGNOSES, with DIAGNOSES/NAME.json from `delaytools diagnose --json`.
+"""
+
+import argparse
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from statistics import mean, median
+
+NEUTRAL = {"factor": 1.0}
+SHARE, STANDARD_ERRORS, TIME, ANGLE = 0.05, 3.0, 0.020, 0.1
+COVERING = 1.96
+TIMES, ANGLES = ("start", "end"), ("phase",)
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What became of one case.
+
+    right: all rules kept. named: exactly these effects at these signals. inside: every true effect named or in an
+    equivalence set. covers: for every judged parameter of a named effect, whether the 95 % interval holds the truth.
+    """
+
+    case: str
+    kind: str
+    effects: tuple[str, ...]
+    right: bool
+    named: bool
+    certain: bool
+    inside: bool
+    set_size: int
+    covers: tuple[bool, ...]
+    verdict: str
+    seconds: float | None
+    truth: str
+    said: str
+
+
+def judge(answer: list, diagnosis: dict, log: Path | None = None) -> Verdict:
+    """The practice rules; `log` stands beside `case.json`, which knows nominal values and equally right signals."""
+    case = _case(log)
+    truths = [_with_context(i, entry, case) for i, entry in enumerate(answer)]
+    missing = list(diagnosis.get("missing") or [])
+    pairs = _pairs(truths, missing)
+    unknown = any(t["effect"] == "unknown" for t in truths)
+    named = len(pairs) == len(truths) == len(missing)
+    verdict = str(diagnosis.get("verdict"))
+    if unknown:
+        right = named = verdict == "unexplained"
+    else:
+        expected = "missing" if truths else "adequate"
+        right = named and verdict == expected and all(_numbers_right(t, m) for t, m in pairs)
+    sets = list(diagnosis.get("confusable") or [])
+    return Verdict(
+        case=str(case.get("case", log.parent.name if log else "")),
+        kind=str(case.get("kind", "practice")),
+        effects=tuple(e["effect"] for e in case.get("effects", answer)),
+        right=right,
+        named=named,
+        certain=all(m.get("certain", True) for m in missing),
+        inside=named if unknown else all(_inside(t, missing, sets) for t in truths),
+        set_size=max((len(s.get("members", ())) for s in sets), default=len(missing) and 1),
+        covers=tuple(c for t, m in pairs for c in _covers(t, m)),
+        verdict=verdict,
+        seconds=diagnosis.get("seconds"),
+        truth="; ".join(_words(t["effect"], t["signal"], t["parameters"]) for t in truths) or "nothing",
+        said="; ".join(_words(m["effect"], m["signal"], _plain(m)) for m in missing) or "nothing",
+    )
+
+
+def _case(log: Path | None) -> dict:
+    beside = log.parent / "case.json" if log else None
+    return json.loads(beside.read_text(encoding="utf-8")) if beside and beside.exists() else {}
+
+
+def _with_context(index: int, entry: Mapping, case: Mapping) -> dict:
+    """The answer's entry with its equally right signals and the stated value of a changed parameter."""
+    full = {"signals": [entry["signal"]], "nominal": {}, **entry}
+    if not case:
+        twins = {"position": ["position", "rate"]}
+        full["signals"] = twins.get(entry["signal"], [entry["signal"]])
+        return full
+    truth = case["effects"][index]
+    full["signals"] = truth["signals"]
+    for name in entry["parameters"]:
+        path = f"{truth['port']}.{name}"
+        if entry["effect"].startswith("parameter_change") and path in case["stated"]:
+            full["nominal"] = {name: case["stated"][path]}
+    return full
+
+
+def _same(truth: Mapping, effect: str, signal: str) -> bool:
+    return truth["effect"] == effect and signal in truth["signals"]
+
+
+def _pairs(truths: Sequence[Mapping], missing: Sequence[Mapping]) -> list[tuple[Mapping, Mapping]]:
+    left, pairs = list(missing), []
+    for truth in truths:
+        found = [m for m in left if _same(truth, m["effect"], m["signal"])]
+        found.sort(key=lambda m, t=truth: not _numbers_right(t, m))
+        if found:
+            pairs.append((truth, found[0]))
+            left.remove(found[0])
+    return pairs
+
+
+def _inside(truth: Mapping, missing: Sequence[Mapping], sets: Sequence[Mapping]) -> bool:
+    if any(_same(truth, m["effect"], m["signal"]) for m in missing):
+        return True
+    return any(_same(truth, m["effect"], s["signal"]) for s in sets for m in s.get("members", ()))
+
+
+def _numbers_right(truth: Mapping, said: Mapping) -> bool:
+    return all(_right(truth, said, name) for name in truth["parameters"])
+
+
+def _right(truth: Mapping, said: Mapping, name: str) -> bool:
+    value, std = _estimate(said, name)
+    if value is None:
+        return False
+    off = _off(name, value, truth["parameters"][name])
+    neutral = truth["nominal"].get(name, NEUTRAL.get(name, 0.0))
+    allowed = max(SHARE * abs(truth["parameters"][name] - neutral), STANDARD_ERRORS * (std or 0.0))
+    if name in TIMES:
+        allowed = TIME
+    if name in ANGLES:
+        allowed = ANGLE
+    return off <= allowed
+
+
+def _off(name: str, value: float, true: float) -> float:
+    off = value - true
+    return abs(math.remainder(off, 2 * math.pi)) if name in ANGLES else abs(off)
+
+
+def _estimate(said: Mapping, name: str) -> tuple[float | None, float | None]:
+    found = (said.get("parameters") or {}).get(name)
+    if isinstance(found, Mapping):
+        return found.get("value"), found.get("std")
+    return found, None
+
+
+def _covers(truth: Mapping, said: Mapping) -> list[bool]:
+    out = []
+    for name, true in truth["parameters"].items():
+        value, std = _estimate(said, name)
+        if value is not None and std:
+            out.append(_off(name, value, true) <= COVERING * std)
+    return out
+
+
+def _plain(said: Mapping) -> dict:
+    return {name: _estimate(said, name)[0] for name in said.get("parameters") or {}}
+
+
+def _words(effect: str, signal: str, numbers: Mapping) -> str:
+    shown = ", ".join(
+        f"{k}={v:.4g}" if isinstance(v, int | float) else f"{k}={v}" for k, v in numbers.items()
+    )
+    return f"{effect}@{signal}({shown})"
+
+
+def table(verdicts: Sequence[Verdict]) -> str:
+    """Per kind, per effect of the single cases, and every failure with what was said."""
+    kinds = list(dict.fromkeys(v.kind for v in verdicts))
+    effects = sorted({e for v in verdicts if v.kind == "single" for e in v.effects})
+    lines = [_head("kind")]
+    lines += [_line(kind, [v for v in verdicts if v.kind == kind]) for kind in kinds]
+    lines += [_line("all", verdicts), "", _head("single effect")]
+    lines += [_line(e, [v for v in verdicts if v.kind == "single" and e in v.effects]) for e in effects]
+    lines += ["", "failures"]
+    lines += [f"{v.case}: is {v.truth}; said {v.verdict}: {v.said}" for v in verdicts if not v.right]
+    return "\n".join(lines)
+
+
+def _head(first: str) -> str:
+    return (
+        f"{first:34s} {'n':>4s} {'right':>6s} {'named':>6s} {'inside':>6s} {'set':>5s} {'95 %':>6s} {'s':>7s}"
+    )
+
+
+def _line(name: str, some: Sequence[Verdict]) -> str:
+    covers = [c for v in some for c in v.covers]
+    seconds = [v.seconds for v in some if v.seconds is not None]
+    share = f"{mean(covers):6.2f}" if covers else "     -"
+    time = f"{median(seconds):7.1f}" if seconds else "      -"
+    counts = [sum(getattr(v, key) for v in some) for key in ("right", "named", "inside")]
+    size = mean(v.set_size for v in some) if some else 0.0
+    return (
+        f"{name:34s} {len(some):4d} {counts[0]:6d} {counts[1]:6d} {counts[2]:6d} {size:5.2f} {share} {time}"
+    )
+
+
+def main() -> None:
+    """Command line."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("cases", type=Path)
+    parser.add_argument("diagnoses", type=Path)
+    given = parser.parse_args()
+    verdicts = []
+    for folder in sorted(p for p in given.cases.iterdir() if (p / "answer.json").exists()):
+        said = given.diagnoses / f"{folder.name}.json"
+        if said.exists():
+            answer = json.loads((folder / "answer.json").read_text(encoding="utf-8"))
+            verdicts.append(judge(answer, json.loads(said.read_text(encoding="utf-8")), folder / "run.csv"))
+    print(table(verdicts))
+
+
+if __name__ == "__main__":
+    main()
