@@ -3,6 +3,7 @@
 import dataclasses
 import json
 import math
+import os
 import sys
 from collections.abc import Mapping
 from pathlib import Path
@@ -10,7 +11,7 @@ from typing import Any
 
 from delaytools.signals.trouble import DelaytoolsError
 
-__all__ = ["plain", "write_json"]
+__all__ = ["check_targets", "plain", "write_json"]
 
 
 def plain(item: Any) -> Any:
@@ -53,3 +54,41 @@ def write_json(answer: Mapping[str, Any], target: str) -> None:
     finally:
         if part.is_file():
             part.unlink()
+
+
+def check_targets(*files: str | None, log: str | None = None, directory: str | None = None) -> None:
+    """Raises DelaytoolsError, before anything is computed, where a file could not be written.
+
+    files: paths, None or "-". log: a CSV log that shall be written. directory: one that is made where it is not there.
+    """
+    for target in (*files, log):
+        if target is None or target == "-":
+            continue
+        path = Path(target)
+        if path.is_dir():
+            raise DelaytoolsError("cannot be written: Is a directory", where=target)
+        if directory is not None and path.parent == Path(directory):
+            continue
+        if not path.parent.is_dir():
+            raise DelaytoolsError("cannot be written: there is no such directory", where=target)
+        if not os.access(path.parent, os.W_OK):
+            raise DelaytoolsError("cannot be written: Permission denied", where=target)
+    if log is not None:
+        _check_log(Path(log))
+    if directory is not None:
+        _check_directory(Path(directory))
+
+
+def _check_log(path: Path) -> None:
+    from delaytools.measurement.formats.registry import BINARY
+
+    if path.suffix.lower() in (*BINARY, ".gz"):
+        raise DelaytoolsError("logs are written as CSV", where=str(path), found=path.suffix, advice="name it .csv")
+
+
+def _check_directory(path: Path) -> None:
+    there = next(home for home in (path, *path.resolve().parents) if home.exists())
+    if not there.is_dir():
+        raise DelaytoolsError("cannot be written: not a directory", where=str(there))
+    if not os.access(there, os.W_OK):
+        raise DelaytoolsError("cannot be written: Permission denied", where=str(there))

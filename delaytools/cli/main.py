@@ -2,12 +2,24 @@
 
 import os
 import sys
-from collections.abc import Callable
 from typing import Annotated, Any
 
 import typer
 
-from delaytools.cli.answers import write_json
+from delaytools.cli import measured
+from delaytools.cli.answers import check_targets, write_json
+from delaytools.cli.options import (
+    At,
+    Budget,
+    Configuration,
+    DelayAt,
+    DelayRange,
+    DesignPath,
+    Json,
+    progress,
+    say,
+    warn,
+)
 from delaytools.cli.reading import check_delay_port, delay_range, gain_range, load, log_columns, seconds
 from delaytools.signals.trouble import DelaytoolsError
 
@@ -22,29 +34,6 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     help="Delay in hardware-in-the-loop benches: exact margins, roots, runs, tuning, reports.",
 )
-
-DesignPath = Annotated[str, typer.Argument(metavar="DESIGN", help="Design file (TOML).")]
-Json = Annotated[
-    str | None, typer.Option("--json", metavar="FILE", help="Write the answer as JSON; - is standard output.")
-]
-Configuration = Annotated[
-    str | None, typer.Option("--configuration", metavar="NAME", help="A named variant of the design.")
-]
-At = Annotated[str | None, typer.Option("--at", metavar="SIGNAL", help="Signal at which the loop is opened.")]
-DelayAt = Annotated[str | None, typer.Option("--delay-at", metavar="PORT", help="Port of the extra delay.")]
-DelayRange = Annotated[
-    str | None, typer.Option("--delay", metavar="FROM:TO:COUNT", help="Extra delays, e.g. 0:50ms:200.")
-]
-
-
-def _say(text: str, *, quiet: bool = False) -> None:
-    (sys.stderr if quiet else sys.stdout).write(text + "\n")
-
-
-def _warn(messages: tuple[str, ...]) -> None:
-    for message in messages:
-        _say(f"warning: {message}", quiet=True)
-
 
 def _opened_at(design: Any, loop: Any, at: str | None, delay_at: str | None) -> tuple[str, str | None]:
     known = [name for name in loop.signals if name in loop.writers]
@@ -83,12 +72,13 @@ def margins(
     from delaytools.analysis.questions import loop_margins
     from delaytools.cli.words import margin_lines
 
+    check_targets(json)
     plan, loop, odd = load(design, configuration)
-    _warn(odd)
+    warn(odd)
     at, delay_at = _opened_at(plan, loop, at, delay_at)
     answer = loop_margins(loop, at, delay_range(delay), delay_at=delay_at)
     if json != "-":
-        _say("\n".join(margin_lines(answer)))
+        say("\n".join(margin_lines(answer)))
     if json is not None:
         write_json(margins_answer(answer), json)
     if gate and not all(m.stable for m in answer.margins):
@@ -128,14 +118,15 @@ def roots(
     from delaytools.analysis.questions import loop_roots
     from delaytools.cli.words import root_lines
 
+    check_targets(json)
     plan, loop, odd = load(design, configuration)
-    _warn(odd)
+    warn(odd)
     at, delay_at = _opened_at(plan, loop, at, delay_at)
     answer = loop_roots(
         loop, at, delays=delay_range(delay), gains=gain_range(gain), delay_at=delay_at, count=count
     )
     if json != "-":
-        _say("\n".join(root_lines(answer)))
+        say("\n".join(root_lines(answer)))
     if json is not None:
         listed = [
             {
@@ -177,19 +168,20 @@ def simulate(
     from delaytools.measurement.log_file import read_log, write_log
     from delaytools.simulation.simulate import simulate as run_loop
 
+    check_targets(json, log=out)
     plan, loop, odd = load(design, configuration)
-    _warn(odd)
+    warn(odd)
     log = read_log(inputs, log_columns(plan, loop)) if inputs is not None else None
     length = seconds(duration, "--duration") if duration is not None else None
     driven = drive(plan, loop, log, length, seed)
-    _warn(driven.notes)
+    warn(driven.notes)
     answer = run_loop(
         loop, driven.stimuli, duration=driven.duration, seed=driven.seed, substeps=driven.substeps
     )
     if out is not None:
         write_log(answer.record, out)
     if json != "-":
-        _say("\n".join(run_lines(answer)))
+        say("\n".join(run_lines(answer)))
     if json is not None:
         rest = {
             "seconds_simulated": answer.seconds_simulated,
@@ -216,15 +208,16 @@ def tune(
     from delaytools.tuning.tune_design import tune_design
     from delaytools.tuning.tuned_design import tuned_design
 
+    check_targets(json, out)
     plan, loop, odd = load(design, configuration)
-    _warn(odd)
+    warn(odd)
     at, delay_at = _opened_at(plan, loop, at, delay_at)
     configuration = configuration or plan.tables.tuning.configuration
     answer = tune_design(plan, configuration, at=at, delay_at=delay_at)
     if out is not None:
         write_design(tuned_design(plan, configuration, answer), out)
     if json != "-":
-        _say("\n".join(tuned_lines(answer)))
+        say("\n".join(tuned_lines(answer)))
     if json is not None:
         rest = {name: getattr(answer, name) for name in answer.__dataclass_fields__ if name != "values"}
         write_json({"tuned": answer.values} | rest, json)
@@ -246,51 +239,61 @@ def fit(
     from delaytools.measurement.log_file import read_log
     from delaytools.measurement.staircase import with_staircases_held
 
+    check_targets(json)
     record, notes = with_staircases_held(read_log(log))
-    _warn(tuple(note for note in notes if note.split()[0] in (input, output)))
+    warn(tuple(note for note in notes if note.split()[0] in (input, output)))
     answer = fit_record(record, input, output, delay=delay)
     if json != "-":
-        _say("\n".join(fit_lines(answer)))
+        say("\n".join(fit_lines(answer)))
     if json is not None:
         names = [name for name in answer.__dataclass_fields__ if name != "estimate"]
         write_json({name: getattr(answer, name) for name in names}, json)
 
 
+app.command()(measured.compare)
+app.command()(measured.diagnose)
+app.command()(measured.improve)
+
+
 @app.command()
 def report(
     design: DesignPath,
+    logs: Annotated[list[str] | None, typer.Argument(metavar="[LOG]...", help="Logs to hold it against.")] = None,
     out: Annotated[
         str, typer.Option("--out", metavar="DIR", help="Where the report is written.")
     ] = "reports",
     tuning: Annotated[bool, typer.Option(help="Tune what [tuning] names first, and show it.")] = True,
+    configuration: Configuration = None,
+    search: Annotated[bool, typer.Option(help="Search the logs for missing effects.")] = True,
+    budget: Budget = None,
     json: Json = None,
 ) -> None:
-    """The design report: one HTML page and a PDF."""
+    """The design report, one HTML page and a PDF; with logs, the model against what was measured too.
+
+    --configuration names the variant in which the logs were taken.
+    """
     from delaytools.report.write import write_report
     from delaytools.tuning.tune_design import tune_design
     from delaytools.tuning.tuned_design import tuned_design
 
-    plan, _, odd = load(design)
-    _warn(odd)
-    say = _progress()
+    check_targets(json, directory=out)
+    plan, loop, odd = load(design, configuration)
+    warn(odd)
+    tell = progress()
+    found_in_logs = None
+    if logs:
+        found_in_logs = measured.evidence(plan, loop, logs, configuration, search=search, budget=budget)
     wishes = plan.tables.tuning
     if tuning and wishes.goals and plan.tables.analysis.at is not None:
-        say("tuning")
+        tell("tuning")
         asked = plan.tables.analysis
         found = tune_design(plan, wishes.configuration, at=asked.at, delay_at=asked.delay_at)
         plan = tuned_design(plan, wishes.configuration, found)
-    answer = write_report(plan, out, progress=say)
+    answer = write_report(plan, out, progress=tell, evidence=found_in_logs)
     if json != "-":
-        _say("\n".join(answer.pages))
+        say("\n".join(answer.pages))
     if json is not None:
         write_json({"pages": list(answer.pages), "figures": list(answer.figures)}, json)
-
-
-def _progress() -> Callable[[str], None]:
-    """Says each step on a terminal, nothing when piped."""
-    if not sys.stderr.isatty():
-        return lambda step: None
-    return lambda step: _say(f"  {step}", quiet=True)
 
 
 def run() -> None:
@@ -303,20 +306,20 @@ def run() -> None:
     except BrokenPipeError:  # the reader of our output has gone: nothing is left to say
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     except DelaytoolsError as error:
-        _say(f"delaytools: {error}", quiet=True)
+        say(f"delaytools: {error}", quiet=True)
         sys.exit(2)
     except (KeyboardInterrupt, typer.Abort):
         code = 130
     except Exception as error:
         if hasattr(error, "format_message"):
-            _say(_usage(error), quiet=True)
+            say(_usage(error), quiet=True)
             sys.exit(2)
         if os.environ.get("DELAYTOOLS_TRACEBACK"):
             raise
         advice = (
             "this is a fault of delaytools, not of the input; DELAYTOOLS_TRACEBACK=1 shows where it happened"
         )
-        _say(f"delaytools: internal error: {type(error).__name__}: {error}; {advice}", quiet=True)
+        say(f"delaytools: internal error: {type(error).__name__}: {error}; {advice}", quiet=True)
         sys.exit(2)
     if code == 130:
         _interrupted()
@@ -330,7 +333,7 @@ def _interrupted() -> None:
     would end the process by the signal although it was caught; the next `exec` of a text makes it forget.
     """
     exec("")
-    _say("delaytools: interrupted", quiet=True)
+    say("delaytools: interrupted", quiet=True)
 
 
 def _usage(error: Any) -> str:

@@ -3,14 +3,18 @@
 import math
 from typing import Any
 
-__all__ = ["fit_lines", "margin_lines", "root_lines", "run_lines", "tuned_lines"]
+__all__ = [
+    "fit_lines", "margin_lines", "number_cell", "root_lines", "run_lines", "table_lines", "tuned_lines",
+]  # fmt: skip
 
 
-def _number(value: float | None, scale: float = 1.0, form: str = "{:.4g}") -> str:
+def number_cell(value: float | None, scale: float = 1.0, form: str = "{:.4g}") -> str:
+    """A number as a table shows it; a dash where there is none."""
     return "-" if value is None or not math.isfinite(value) else form.format(value * scale)
 
 
-def _table(heads: list[str], rows: list[list[str]]) -> list[str]:
+def table_lines(heads: list[str], rows: list[list[str]]) -> list[str]:
+    """Heads and rows in columns, set to the right."""
     widths = [max(len(row[k]) for row in [heads, *rows]) for k in range(len(heads))]
     return [
         "  ".join(cell.rjust(width) for cell, width in zip(row, widths, strict=True))
@@ -36,15 +40,15 @@ def margin_lines(answer: Any) -> list[str]:
         hertz = 1 / (2 * math.pi)
         rows.append(
             [
-                _number(m.delay, 1e3),
+                number_cell(m.delay, 1e3),
                 "yes" if m.stable else "NO",
-                _number(m.gain_margin),
-                _number(m.gain_margin_frequency, hertz),
-                _number(m.phase_margin, 180 / math.pi),
-                _number(m.phase_margin_frequency, hertz),
-                _number(m.delay_margin, 1e3),
-                _number(m.modulus_margin),
-                _number(m.disk_margin),
+                number_cell(m.gain_margin),
+                number_cell(m.gain_margin_frequency, hertz),
+                number_cell(m.phase_margin, 180 / math.pi),
+                number_cell(m.phase_margin_frequency, hertz),
+                number_cell(m.delay_margin, 1e3),
+                number_cell(m.modulus_margin),
+                number_cell(m.disk_margin),
             ]
         )
     first = answer.margins[0]
@@ -58,7 +62,7 @@ def margin_lines(answer: Any) -> list[str]:
     spans = [f"{low * 1e3:.6g} to {high * 1e3:.6g} ms" for low, high in answer.stable_delays]
     return [
         *lines,
-        *_table(heads, rows),
+        *table_lines(heads, rows),
         "stable for delays " + (", ".join(spans) if spans else "nowhere in the sweep"),
     ]
 
@@ -88,14 +92,14 @@ def run_lines(answer: Any) -> list[str]:
         [
             name,
             units.get(name, ""),
-            _number(f.rms),
-            _number(f.peak),
-            _number(f.oscillation_amplitude),
-            _number(f.oscillation_frequency),
+            number_cell(f.rms),
+            number_cell(f.peak),
+            number_cell(f.oscillation_amplitude),
+            number_cell(f.oscillation_frequency),
         ]
         for name, f in answer.figures.items()
     ]
-    lines = _table(heads, rows)
+    lines = table_lines(heads, rows)
     if answer.diverged is not None:
         lines.append(f"diverged: values were no longer finite from t = {answer.diverged:g} s on")
     lines.append(
@@ -109,8 +113,8 @@ def tuned_lines(answer: Any) -> list[str]:
     rows = [
         [
             path,
-            _number(item.value, form="{:.6g}"),
-            _number(item.was, form="{:.6g}"),
+            number_cell(item.value, form="{:.6g}"),
+            number_cell(item.was, form="{:.6g}"),
             "end of range" if item.at_boundary else "",
         ]
         for path, item in answer.values.items()
@@ -120,7 +124,7 @@ def tuned_lines(answer: Any) -> list[str]:
         if not answer.optimistic
         else ["the bench now shows more margin than the loop that flies: it is optimistic"]
     )
-    return [*_table(["value", "tuned", "was", ""], rows), *(goal.words for goal in answer.goals), *verdict]
+    return [*table_lines(["value", "tuned", "was", ""], rows), *(goal.words for goal in answer.goals), *verdict]
 
 
 def fit_lines(answer: Any) -> list[str]:
@@ -130,12 +134,12 @@ def fit_lines(answer: Any) -> list[str]:
     rows = [
         [
             n,
-            _number(getattr(answer, n), form="{:.6g}"),
-            _number(answer.std.get(n), form="{:.2g}"),
+            number_cell(getattr(answer, n), form="{:.6g}"),
+            number_cell(answer.std.get(n), form="{:.2g}"),
             units.get(n, ""),
         ]
         for n in names
     ]
     over = " ".join(f"{a:.6g}" for a in answer.denominator)
     head = f"numerator {answer.numerator[0]:.6g}, denominator {over}"
-    return [head, *_table(["", "value", "std", "unit"], rows), answer.words]
+    return [head, *table_lines(["", "value", "std", "unit"], rows), answer.words]

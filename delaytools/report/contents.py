@@ -13,6 +13,7 @@ from delaytools.report.compensation import Compensation, compensations
 from delaytools.report.delay_curves import DelayCurve, delay_curve, delay_range, families
 from delaytools.report.diagram_layout import Diagram, layout
 from delaytools.report.diagram_parts import diagram_parts
+from delaytools.report.evidence import Evidence, Improvement, improvement
 from delaytools.report.locus import Locus, locus
 from delaytools.report.nyquist import NyquistCurve, nyquist_curve
 from delaytools.report.runs import Run, Runs, run_case, shown_signals
@@ -53,6 +54,8 @@ class Contents:
     runs: Runs | None
     compensations: tuple[Compensation, ...]
     remarks: tuple[Remark, ...]
+    evidence: Evidence | None
+    improvement: Improvement | None
     troubles: tuple[Trouble, ...]
 
 
@@ -72,8 +75,13 @@ class _Tries:
             return None
 
 
-def gather(design: Design, progress: Progress, extra: tuple[Compensation, ...] = ()) -> Contents:
-    """All answers for the design; `extra`: compensations found elsewhere (by tuning).
+def gather(
+    design: Design,
+    progress: Progress,
+    extra: tuple[Compensation, ...] = (),
+    evidence: Evidence | None = None,
+) -> Contents:
+    """All answers for the design; `extra`: compensations found elsewhere (by tuning). evidence: what logs say of it.
 
     Raises DesignError where the design itself cannot be built.
     """
@@ -101,9 +109,12 @@ def gather(design: Design, progress: Progress, extra: tuple[Compensation, ...] =
         loci = _loci(tries, curves, answer, questions, span)
     runs = _runs(tries, design, every, questions)
     found = compensations(design, answer) if answer is not None else ()
+    better = None
+    if evidence is not None and evidence.diagnosis is not None and at:
+        better = tries("missing", "margins with what is missing", partial(improvement, design, evidence, at))
     return Contents(
         design, questions, every, diagram, answer, budgets, span, curves, nyquist, loci, runs,
-        (*found, *extra), remarks(design), tuple(tries.found),
+        (*found, *extra), remarks(design), evidence, better, tuple(tries.found),
     )  # fmt: skip
 
 

@@ -7,11 +7,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from delaytools.report.runs import Run, Runs
-from delaytools.report.style import GREY, INK, axes_of, in_style, new_figure, title
+from delaytools.report.style import GREY, INK, axes_of, in_style, new_figure, thinned, title
 
 __all__ = ["draw_runs"]
-
-_POINTS = 900
 
 
 @in_style
@@ -50,24 +48,12 @@ def _limit(runs: Runs, signal: str) -> float:
 
 
 def _trace(panel: Axes, run: Run, signal: str, colour: str, limit: float) -> None:
-    t, y = _thinned(run.record.time, run.record[signal])
+    t, y = thinned(run.record.time, run.record[signal])
     far = np.flatnonzero(np.abs(y) > 3 * limit)
     if run.grows and far.size:
         t, y = t[: far[0] + 1], y[: far[0] + 1]
     panel.plot(t, y, color=colour, lw=0.9, zorder=2)
     panel.axhline(0, color="#c3c8cf", lw=0.6, zorder=1)
-
-
-def _thinned(t: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The smallest and largest value of each bin, in their order, so that no peak is lost."""
-    if len(t) <= _POINTS:
-        return t, y
-    size = int(np.ceil(len(t) / (_POINTS // 2)))
-    keep = []
-    for start in range(0, len(t), size):
-        part = y[start : start + size]
-        keep += sorted({start + int(np.argmin(part)), start + int(np.argmax(part))})
-    return t[keep], y[keep]
 
 
 def _demand(row: list[Axes], runs: Runs, run: Run) -> None:

@@ -8,6 +8,8 @@ from delaytools.report.sections_budget import budget_section
 from delaytools.report.sections_compensation import compensation_section
 from delaytools.report.sections_delay import nyquist_section, sweep_section
 from delaytools.report.sections_margins import tone, verdict_section
+from delaytools.report.sections_measured import measured_section
+from delaytools.report.sections_missing import missing_section
 from delaytools.report.sections_rest import (
     assumptions_section,
     diagram_section,
@@ -20,8 +22,9 @@ __all__ = ["page_of"]
 
 _ORDER = (
     verdict_section, diagram_section, budget_section, sweep_section, nyquist_section, locus_section, runs_section,
-    compensation_section, assumptions_section, limits_section,
+    compensation_section, measured_section, missing_section, assumptions_section, limits_section,
 )  # fmt: skip
+_BY_LOGS = (measured_section, missing_section)
 
 
 def page_of(contents: Contents) -> Page:
@@ -36,7 +39,7 @@ def page_of(contents: Contents) -> Page:
         ("Seed", str(design.tables.simulation.seed)),
         ("delaytools", _version()),
     )
-    sections = tuple(section(contents) for section in _ORDER)
+    sections = tuple(section(contents) for section in _ORDER if contents.evidence or section not in _BY_LOGS)
     return Page(design.title, facts, tone(contents), sections)
 
 

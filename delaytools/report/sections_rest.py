@@ -237,9 +237,27 @@ def limits_section(contents: Contents) -> Section:
     points.append(
         "Margins hold for one loop opened at one signal; a change in two places at once is not covered by them."
     )
-    points.append("A run shows one seed and one set of inputs; nothing is compared with measured logs here.")
+    points.append("A run shows one seed and one set of inputs.")
+    points += _measured_limits(contents)
     if any(item.assumed for item in contents.remarks):
         points.append("Every number that rests on an assumed value is as good as that assumption.")
     points += [item.words for item in contents.troubles]
     lead = f"{count(len(points), 'limit')} of what can be concluded from these pages."
     return Section("limits", "What this report cannot say", lead, (), (), (), tuple(points))
+
+
+def _measured_limits(contents: Contents) -> list[str]:
+    """What the logs leave open, or that there were none."""
+    evidence = contents.evidence
+    if evidence is None:
+        return ["No log was given: nothing in these pages is compared with a measurement."]
+    points = [
+        "Pieces of the loop are driven by what was measured at their entries: blocks that lead to no measured signal "
+        "are not judged by the logs."
+    ]
+    if evidence.diagnosis is None:
+        points.append("No missing effect was searched for.")
+    elif evidence.diagnosis.budget_exhausted:
+        points.append("The search for missing effects ended when its time was over.")
+    points += [f"{name} is not compared: {why}." for name, why in evidence.comparison.not_compared.items()]
+    return points

@@ -8,6 +8,7 @@ from typing import final
 from delaytools.design.design import Design
 from delaytools.report.compensation import Compensation
 from delaytools.report.contents import gather
+from delaytools.report.evidence import Evidence
 from delaytools.report.html import html_page
 from delaytools.report.pages import page_of
 from delaytools.report.pdf import pdf_bytes
@@ -35,13 +36,15 @@ def write_report(
     *,
     progress: Callable[[str], None] = _silent,
     compensations: tuple[Compensation, ...] = (),
+    evidence: Evidence | None = None,
 ) -> ReportFiles:
     """Write report.html, report.pdf and figures/*.svg of a design into `out_dir`.
 
     progress is called with a few words before each step. compensations: what tuning found, besides the design's own.
+    evidence: what logs say of the design (a comparison, and a diagnosis where one was made).
     Raises DesignError where the design cannot be built, DelaytoolsError where a file cannot be written.
     """
-    page = page_of(gather(design, progress, compensations))
+    page = page_of(gather(design, progress, compensations, evidence))
     progress("pages")
     home = Path(out_dir)
     files = {home / "report.html": html_page(page).encode(), home / "report.pdf": pdf_bytes(page)}
