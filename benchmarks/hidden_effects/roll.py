@@ -25,7 +25,7 @@ INSIDE = (
 
 def element_offers(name: str, signal: str, source: str, upstream: tuple[str, ...]) -> tuple[Offer, ...]:
     """What may be missing at an element whose input and output have one unit."""
-    exits = (signal,)
+    exits, changes = (signal,), (f"{name}.natural_frequency", f"{name}.damping")
     return (
         Offer(f"{name}.input", exits, TIMING + BOTH_SIDES, scale_of=source),
         Offer(
@@ -43,13 +43,7 @@ def element_offers(name: str, signal: str, source: str, upstream: tuple[str, ...
             sources=upstream,
             scale_of=signal,
         ),
-        Offer(
-            name,
-            exits,
-            ("parameter_change",),
-            changes=(f"{name}.natural_frequency", f"{name}.damping"),
-            scale_of=signal,
-        ),
+        Offer(name, exits, ("parameter_change",), changes=changes, scale_of=signal),
     )
 
 

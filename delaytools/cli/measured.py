@@ -119,12 +119,12 @@ def _added_lines(added: Any, out: str | None) -> list[str]:
 
 def diagnosed(plan: Any, records: Any, configuration: str | None, seed: int, budget: float | None) -> Any:
     """The diagnosis, with a bar on a terminal."""
+    from delaytools.diagnosis.diagnose import Effort
     from delaytools.diagnosis.diagnose import diagnose as diagnose_records
 
+    effort = Effort(budget=budget or BUDGET, seed=seed)
     with share_bar("diagnosis") as tell:
-        return diagnose_records(
-            plan, records, configuration=configuration, seed=seed, progress=tell, budget=budget or BUDGET
-        )
+        return diagnose_records(plan, records, configuration=configuration, progress=tell, effort=effort)
 
 
 def evidence(

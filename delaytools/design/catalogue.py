@@ -1,5 +1,7 @@
 """Every kind of block and effect by the name that a design file uses."""
 
+from contextlib import AbstractContextManager
+
 from delaytools.blocks.backlash import Backlash
 from delaytools.blocks.block import Block
 from delaytools.blocks.dead_band import DeadBand
@@ -20,6 +22,7 @@ from delaytools.compensators.dynamic import DynamicCompensator, DynamicCompensat
 from delaytools.compensators.encoder_referenced import EncoderReferencedCompensator
 from delaytools.compensators.inverse import InverseCompensator
 from delaytools.compensators.lead import LeadCompensator
+from delaytools.design.plugged import Kinds
 from delaytools.effects.backlash import BacklashEffect
 from delaytools.effects.bias import BiasEffect
 from delaytools.effects.constant_disturbance import ConstantDisturbanceEffect
@@ -32,6 +35,7 @@ from delaytools.effects.delay import DelayEffect
 from delaytools.effects.dropped_frames import DroppedFramesEffect
 from delaytools.effects.effect import Effect
 from delaytools.effects.flexible_mode import FlexibleModeEffect
+from delaytools.effects.formula import FormulaEffect
 from delaytools.effects.gain_drift import GainDriftEffect
 from delaytools.effects.lag import LagEffect
 from delaytools.effects.load_dependent_friction import LoadDependentFrictionEffect
@@ -46,7 +50,7 @@ from delaytools.effects.stribeck_friction import StribeckFrictionEffect
 from delaytools.effects.transient_gain import TransientGainEffect
 from delaytools.effects.variable_delay import VariableDelayEffect
 
-__all__ = ["BLOCKS", "EFFECTS", "PARAMETER_CHANGE"]
+__all__ = ["BLOCKS", "EFFECTS", "PARAMETER_CHANGE", "with_effects"]
 
 PARAMETER_CHANGE = "parameter_change"
 
@@ -73,7 +77,7 @@ BLOCKS: dict[str, type[Block]] = {
     "encoder_referenced_compensator": EncoderReferencedCompensator,
 }
 
-EFFECTS: dict[str, type[Effect]] = {
+_OWN: dict[str, type[Effect]] = {
     kind.kind: kind
     for kind in (
         BacklashEffect,
@@ -87,6 +91,7 @@ EFFECTS: dict[str, type[Effect]] = {
         DelayEffect,
         DroppedFramesEffect,
         FlexibleModeEffect,
+        FormulaEffect,
         GainDriftEffect,
         LagEffect,
         LoadDependentFrictionEffect,
@@ -102,3 +107,14 @@ EFFECTS: dict[str, type[Effect]] = {
         VariableDelayEffect,
     )
 }
+
+EFFECTS = Kinds(_OWN)
+
+
+def with_effects(*kinds: type[Effect]) -> AbstractContextManager[None]:
+    """`with with_effects(MyEffect): …`: within it a design may name these kinds of effect; elsewhere nothing changes.
+
+    It holds for this thread alone. Other processes do not see it: diagnose with `processes=1`, or install a package
+    with an entry point of the group `delaytools.effects`. Raises DesignError for what is no effect, or a name taken.
+    """
+    return EFFECTS.offered(*kinds)

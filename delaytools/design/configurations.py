@@ -13,7 +13,7 @@ from delaytools.signals.trouble import DelaytoolsError, DesignError, shown
 __all__ = ["configured", "effect_places", "override"]
 
 _ELEMENT = re.compile(r"^(.*?)((?:\[\d+\])*)$")
-_INSIDE = ("parameters", "states")  # tables of an equations block whose entries have the path BLOCK.NAME
+_INSIDE = ("parameters", "states")  # tables of a block or effect of formulas whose entries have the path BLOCK.NAME
 
 
 def configured(design: Design, configuration: str | None) -> dict[str, Any]:
@@ -81,7 +81,7 @@ def override(data: dict[str, Any], path: str, raw: Any) -> None:
     assert match is not None
     name, places = match.group(1), [int(i) for i in re.findall(r"\d+", match.group(2))]
     known = _known_values(first, home)
-    if first not in ("parameters", "effects"):
+    if first != "parameters":
         home = next((home[table] for table in _INSIDE if _has(home, table, name)), home)
     if name not in known and name not in home:
         advice = "" if known else "there is nothing to override here"
@@ -92,7 +92,7 @@ def override(data: dict[str, Any], path: str, raw: Any) -> None:
 
 
 def _has(home: Mapping[str, Any], table: str, name: str) -> bool:
-    return home.get("type") == "equations" and name in home.get(table, {})
+    return home.get("type") in ("equations", "formula") and name in home.get(table, {})
 
 
 def _home(data: dict[str, Any], first: str, rest: str, path: str) -> dict[str, Any]:
@@ -119,7 +119,7 @@ def _known_values(first: str, home: Mapping[str, Any]) -> list[str]:
     if first == "parameters":
         return sorted(home)
     kind = home.get("type")
-    if kind == "equations":
+    if kind in ("equations", "formula"):
         return sorted({**home.get("parameters", {}), **home.get("states", {})})
     catalogue: Mapping[str, type] = EFFECTS if first == "effects" else BLOCKS
     found = catalogue.get(kind) if isinstance(kind, str) else None

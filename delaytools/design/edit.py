@@ -132,7 +132,11 @@ def _keys(design: Design, path: str) -> Keys:
     if first == "parameters":
         return ("parameters", *inner)
     if first == "effects":
-        return ("effects", int(rest.partition(".")[0]), *inner)
+        number = int(rest.partition(".")[0])
+        own = design.data["effects"][number].get("parameters", {})
+        if design.data["effects"][number].get("type") == "formula" and name in own:
+            return ("effects", number, "parameters", *inner)
+        return ("effects", number, *inner)
     table = design.data["blocks"][first]
     if table.get("type") == "equations":
         home = next((key for key in ("parameters", "states") if name in table.get(key, {})), None)
@@ -187,6 +191,9 @@ def _is_inline(text: str, keys: Keys) -> bool:
 
 
 def _written(value: Any) -> str:
+    if isinstance(value, Mapping):
+        inside = ", ".join(f"{_key(name)} = {_written(raw)}" for name, raw in value.items())
+        return f"{{ {inside} }}" if inside else "{}"
     return tomlkit.item(value).as_string()
 
 

@@ -7,9 +7,11 @@ from delaytools.blocks.block import specifications
 from delaytools.blocks.equations import Equations
 from delaytools.design.catalogue import EFFECTS, PARAMETER_CHANGE
 from delaytools.design.elements import read_values
+from delaytools.design.formulas import make_formula
 from delaytools.design.parameters import Parameters, parameter
 from delaytools.design.values import Units, read_value
 from delaytools.effects.effect import Effect, Place, check_place
+from delaytools.effects.formula import FormulaEffect
 from delaytools.effects.parameter_change import ParameterChange
 from delaytools.loop.loop import Element, Loop
 from delaytools.loop.port import Port, find_port
@@ -42,7 +44,18 @@ def apply_effect(
         signal = getattr(effect, name)
         if spec.unit == "name" and signal is not None and signal not in signals:
             raise DesignError("unknown signal", where=name, found=repr(signal), known=sorted(signals))
+    if isinstance(effect, FormulaEffect):
+        _check_signals(effect.signals(loop, port), signals)
     return effect.apply(loop, place)
+
+
+def _check_signals(names: Collection[str], known: Collection[str]) -> None:
+    for name in names:
+        if name not in known:
+            advice = "a formula reads its own parameters, t, u, and signals by name; x, v and states on a derivative"
+            raise DesignError(
+                "unknown name in a formula", where="formula", found=repr(name), known=sorted(known), advice=advice
+            )
 
 
 def check_type(found: Any) -> None:
@@ -60,6 +73,8 @@ def check_type(found: Any) -> None:
 
 def make_effect(loop: Loop, table: Mapping[str, Any], port: Port, parameters: Parameters) -> Effect:
     """The effect of an entry of the catalogue, with its values in the units of its place."""
+    if table["type"] == FormulaEffect.kind:
+        return make_formula(table, parameters)
     kind = EFFECTS[table["type"]]
     values = {key: raw for key, raw in table.items() if key not in ("type", "at")}
     return kind(**read_values(kind, values, kind.kind, place_units(loop, port), parameters))

@@ -1,6 +1,6 @@
 """The shape of a design file: which tables and keys there are."""
 
-from typing import Any, final
+from typing import Any, Literal, final
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
@@ -80,10 +80,20 @@ class TuningTable(_Table):
 
 @final
 class LogTable(_Table):
-    """[log]: how a log's columns map to signals."""
+    """[log]: how a log's columns map to signals, and what is known of the logs.
+
+    held, smooth: signals that keep their value between rows, or that have no corners between them. start: whether a
+    log begins at rest, or with states to be fitted. window: length of pieces that each begin anew. where: rows that
+    count, as comparisons ("speed > 0.8 and speed < 2").
+    """
 
     time: str | None = None
     columns: dict[str, str] = {}
+    held: list[str] = []
+    smooth: list[str] = []
+    start: Literal["rest", "free"] = "rest"
+    window: Quantity | None = None
+    where: str | None = None
 
 
 @final

@@ -90,7 +90,7 @@ class Unexplained:
 @final
 @dataclass(frozen=True)
 class NextExperiment:
-    """The run that would decide between rivals: why, the input as a design file's [inputs] writes it, and by how much."""
+    """The run that would decide between rivals: why, the input as [inputs] of a design writes it, and by how much."""
 
     why: str
     input: Mapping[str, Any]

@@ -8,13 +8,19 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import NDArray
 
+from delaytools.blocks.block import flat_values
+from delaytools.blocks.equations import Equations
 from delaytools.diagnosis.added import Added, with_added
 from delaytools.diagnosis.noise import Whitening
+from delaytools.diagnosis.pieces import Begun, starts_shown
+from delaytools.loop.loop import Element, Loop
 from delaytools.loop.segments import Segment
+from delaytools.loop.values import with_numbers
+from delaytools.signals.expression import Expression
 from delaytools.signals.parameter import Parameter
 from delaytools.signals.record import Record
 from delaytools.signals.stimulus import Stimulus
-from delaytools.simulation.replay import Replay, driven_by
+from delaytools.simulation.replay import Begin, Replay, driven_by
 
 __all__ = ["Case", "Rows", "prepared_case"]
 
@@ -45,7 +51,11 @@ class Case:
     records: the logs, columns as they drive (cleaned where that is better). measured: per log (n, exits).
     tolerated: values that are free within bounds in every fit. smooth: columns without noise. whitening: one filter
     per exit. nuisance: per log (n, exits, k), what the uncertain values of other segments do to the exits.
-    lost: port of a sampled output -> share of its updates that the logs show to be lost.
+    lost: port of a sampled output -> share of its updates that the logs show to be lost. outside: columns that no
+    block of the loop writes.
+    pieces: per log, (first, last + 1) of the rows that count; the states begin anew with each (() = all rows, from
+    the design's own beginning). numbers: per log, values by path that its run had (() = the design's). substeps: of
+    a frame.
     """
 
     segment: Segment
@@ -57,7 +67,12 @@ class Case:
     whitening: tuple[Whitening, ...] = ()
     nuisance: tuple[Array, ...] = ()
     lost: Mapping[str, float] = field(default_factory=dict)
+    outside: frozenset[str] = frozenset()
+    pieces: tuple[tuple[tuple[int, int], ...], ...] = ()
+    numbers: tuple[Mapping[str, float], ...] = ()
+    substeps: int | None = None
     _replays: dict[Any, tuple[Replay, ...]] = field(default_factory=dict, repr=False)
+    _starts: dict[Replay, Array] = field(default_factory=dict, repr=False)
 
     @property
     def exits(self) -> tuple[str, ...]:
@@ -100,19 +115,28 @@ class Case:
         if key not in self._replays:
             if len(self._replays) > 40:
                 self._replays.clear()
+                self._starts.clear()
             loop = with_added(self.segment.loop, added)
             free = tuple(p.path for p in self.parameters(added))
-            self._replays[key] = tuple(
-                Replay(
-                    loop,
-                    self._stimuli(record, loop.externals),
-                    record.time - record.time[0],
-                    self.exits,
-                    free,
-                )
-                for record in self.records
-            )
+            self._replays[key] = tuple(self._replay(loop, free, log) for log in range(len(self.records)))
         return self._replays[key]
+
+    def _replay(self, loop: Loop, free: tuple[str, ...], log: int) -> Replay:
+        record = self.records[log]
+        if self.numbers:
+            loop = with_numbers(loop, {path: v for path, v in self.numbers[log].items() if path not in free})
+        driven, time = self._stimuli(record, loop.externals), record.time - record.time[0]
+        return Replay(loop, driven, time, self.exits, free, self._begins[log], self.substeps)
+
+    @cached_property
+    def _begins(self) -> tuple[tuple[Begin, ...], ...]:
+        if not self.pieces:
+            return ((),) * len(self.records)
+        loop = self.segment.loop
+        return tuple(
+            starts_shown(loop, record, [first for first, _ in pieces])
+            for record, pieces in zip(self.records, self.pieces, strict=True)
+        )
 
     def stimuli_for(self, record: Record, names: tuple[str, ...]) -> Mapping[str, Stimulus]:
         """The columns of a record that drive these external signals."""
@@ -126,8 +150,27 @@ class Case:
         return {name: found[column] for name, column in from_log.items() if column in found}
 
     def outputs(self, added: tuple[Added, ...], values: tuple[float, ...]) -> tuple[Array, ...]:
-        """Per log (n, exits): the model's exits for these values of `parameters(added)`."""
-        return tuple(replay.run(values) for replay in self.replays(added))
+        """Per log (n, exits): the model's exits for these values of `parameters(added)`.
+
+        Where logs are in pieces, with the beginnings that fit best, and as measured outside of them.
+        """
+        if not self.pieces:
+            return tuple(replay.run(values) for replay in self.replays(added))
+        runs = [self._begun(log, replay, values) for log, replay in enumerate(self.replays(added))]
+        pairs = zip(self.measured, runs, strict=True)
+        return tuple(m - one.without((m - y)[:, :, None])[:, :, 0] for m, (y, one) in pairs)
+
+    def _begun(self, log: int, replay: Replay, values: tuple[float, ...], *, fresh: bool = False) -> tuple[Array, Begun]:
+        """The exits as run, and what beginnings can do there: taken where the hypothesis was last differentiated."""
+        if fresh or replay not in self._starts:
+            rows, self._starts[replay] = replay.run_with_starts(values)
+        else:
+            rows = replay.run(values)
+        columns = self._starts[replay]
+        anew = {state for _, states in self._begins[log] for state in states}
+        own = np.array([state in anew for state in replay.starts(values)], dtype=bool)
+        scale = np.array([float(np.std(self.measured[log][:, j])) or 1.0 for j in range(len(self.exits))])
+        return rows, Begun(self.pieces[log], columns, own, self.whitening, scale)
 
     def residual(self, outputs: tuple[Array, ...]) -> Array:
         """(rows,): measured minus model, whitened."""
@@ -160,17 +203,44 @@ class Case:
         return tuple(r - n @ weights for r, n in zip(residual, self.nuisance, strict=True))
 
     def _filtered(self, signals: tuple[Array, ...]) -> Array:
-        parts = [self.whitening[j].apply(rows[:, j]) for rows in signals for j in range(len(self.exits))]
+        pieces = self.pieces or tuple(((0, len(rows)),) for rows in signals)
+        parts = [
+            self._through(j, rows[:, j], own)
+            for rows, own in zip(signals, pieces, strict=True)
+            for j in range(len(self.exits))
+        ]
         return np.concatenate(parts)
+
+    def _through(self, exit: int, rows: Array, pieces: tuple[tuple[int, int], ...]) -> Array:
+        """Rows through the filter of an exit, piece by piece; 0 outside."""
+        if pieces == ((0, len(rows)),):
+            return self.whitening[exit].apply(rows)
+        found = np.zeros_like(rows)
+        for first, last in pieces:
+            found[first:last] = self.whitening[exit].apply(rows[first:last])
+        return found
 
     def with_derivatives(self, added: tuple[Added, ...], values: tuple[float, ...]) -> tuple[Array, Array]:
         """(rows,) whitened residual and (rows, free): its derivative by each free value."""
-        pairs = [replay.run_with_derivatives(values) for replay in self.replays(added)]
-        return self.residual(tuple(y for y, _ in pairs)), -self.whitened(tuple(slopes for _, slopes in pairs))
+        replays = self.replays(added)
+        slopes = [replay.run_with_derivatives(values) for replay in replays]
+        if not self.pieces:
+            return self.residual(tuple(y for y, _ in slopes)), -self.whitened(tuple(rows for _, rows in slopes))
+        left, moved = [], []
+        for log, (replay, (_, rows)) in enumerate(zip(replays, slopes, strict=True)):
+            y, begun = self._begun(log, replay, values, fresh=True)
+            both = begun.without(np.concatenate([(self.measured[log] - y)[:, :, None], rows], axis=2))
+            left.append(both[:, :, 0])
+            moved.append(both[:, :, 1:])
+        return self.whitened(tuple(left)), -self.whitened(tuple(moved))
 
     def whitened_by(self, whitening: tuple[Whitening, ...]) -> "Case":
-        """The same case seen through other filters."""
-        return replace(self, whitening=whitening)
+        """The same case seen through other filters.
+
+        Logs in pieces are real runs, whose errors are the model's rather than noise: to whiten these would count most
+        where the model is worst known. They are weighted evenly, at the level that allows for their colour.
+        """
+        return replace(self, whitening=tuple(w.evenly() for w in whitening) if self.pieces else whitening)
 
 
 def prepared_case(
@@ -178,12 +248,17 @@ def prepared_case(
 ) -> Case:
     """The case of a segment, without filters yet; `tolerated` may name values of other segments, left out here."""
     homes = {element.path for element in segment.loop.elements} | {"parameters"}
-    named = {
-        f"parameters.{name}" for e in segment.loop.elements for x in e.inputs.values() for name in x.names
-    }
+    named = {f"parameters.{name}" for e in segment.loop.elements for name in _names(e)}
     own = tuple(
         p for p in tolerated if (p.path.rpartition(".")[0] in homes and not p.path.startswith("parameters."))
         or p.path in named
     )  # fmt: skip
     measured = tuple(np.stack([r[exit] for exit in segment.exits], axis=1) for r in records)
     return Case(segment, records, measured, own, at_rest)
+
+
+def _names(element: Element) -> set[str]:
+    """Names that an element's wiring and values read."""
+    formulas = [*element.inputs.values(), *flat_values(element.block).values()]
+    shared = element.block.shared if isinstance(element.block, Equations) else ()
+    return {name for x in formulas if isinstance(x, Expression) for name in x.names} | set(shared)

@@ -1,7 +1,7 @@
 """Which physical effect is missing: logs against a design, segment by segment."""
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from multiprocessing import get_context
@@ -14,10 +14,11 @@ from delaytools.design.build import build
 from delaytools.design.design import Design
 from delaytools.design.tolerance import tolerances
 from delaytools.diagnosis.answer import Diagnosis, Step
-from delaytools.diagnosis.case import Case, prepared_case
-from delaytools.diagnosis.fitting import Fitted
-from delaytools.diagnosis.noise import wiener_part
-from delaytools.diagnosis.noise_of import carried_noise, column_noise, noise_of
+from delaytools.diagnosis.case import prepared_case
+from delaytools.diagnosis.driving import driven_best, nominal
+from delaytools.diagnosis.noise import Whitening, wiener_part
+from delaytools.diagnosis.noise_of import EXACT, carried_noise, column_noise
+from delaytools.diagnosis.runs import as_logged, differing, held_by_design, pieces_in_words, pieces_of
 from delaytools.diagnosis.search import search
 from delaytools.diagnosis.segment_report import SegmentReport, segment_report
 from delaytools.loop.loop import Loop
@@ -28,7 +29,7 @@ from delaytools.measurement.staircase import with_staircases_held
 from delaytools.signals.record import Record
 from delaytools.signals.trouble import AnalysisError
 
-__all__ = ["diagnose"]
+__all__ = ["Effort", "diagnose"]
 
 Array = NDArray[np.float64]
 Progress = Callable[[str, float], None]
@@ -36,11 +37,28 @@ BUDGET = 170.0  # s
 
 
 @final
+@dataclass(frozen=True)
+class Effort:
+    """How much a diagnosis may cost: processes, and s after which no new search begins (then `budget_exhausted`).
+
+    seed: of the noise by which it is judged what noise on a measured input does further on. signals: measured ones
+    to be explained (() = all that the design writes).
+    """
+
+    processes: int = 2
+    budget: float = BUDGET
+    seed: int = 1
+    signals: tuple[str, ...] = ()
+
+
+@final
 @dataclass(frozen=True, eq=False)
 class _Task:
     """One segment for one process; cleaned: per log, columns without the noise of their pick-off.
 
-    moved: per log, what a standard error of each fitted value does to these columns, (n, k).
+    moved: per log, what a standard error of each fitted value does to these columns, (n, k). noise: of columns.
+    limits: deadline (s, monotonic clock) and seed. pieces: per log, the rows that count. numbers: per log, the values
+    of its configuration.
     """
 
     design: Design
@@ -48,45 +66,65 @@ class _Task:
     records: tuple[Record, ...]
     cleaned: tuple[dict[str, Array], ...]
     moved: tuple[dict[str, Array], ...]
+    noise: dict[str, Whitening]
+    pieces: tuple[tuple[tuple[int, int], ...], ...]
+    numbers: tuple[Mapping[str, float], ...]
     index: int
-    deadline: float
+    limits: tuple[float, int]
 
 
 def diagnose(
     design: Design,
     records: Sequence[Record],
     *,
-    configuration: str | None = None,
-    seed: int = 1,
+    configuration: str | Sequence[str | None] | None = None,
+    window: float | None = None,
     progress: Progress | None = None,
-    processes: int = 2,
-    budget: float = BUDGET,
+    effort: Effort | None = None,
 ) -> Diagnosis:
     """What the design lacks, by logs of runs that it should explain.
 
     Each segment between measured signals is driven by what was measured at its entries. Candidates are the catalogue
     at every port and every value of its blocks; each is fitted together with what [tolerance] leaves free, and judged
-    on time blocks (or logs) that were not used for its fit. progress: called with words and the share done. budget: s
-    after which no new search begins; then `budget_exhausted`. The same logs give the same answer.
+    on time blocks (or logs) that were not used for its fit. configuration: of all logs, or one per log where they
+    differ (in numbers alone); fitted values and effects are shared. window: length in s of pieces in which the logs are
+    compared, their beginnings fitted (default: as [log] says). progress: called with words and the share done.
+    effort: processes, seconds and seed. The same logs and seed give the same answer.
     Raises DelaytoolsError for a log that lacks what drives a segment.
     """
     begin = time.monotonic()
-    loop = build(design, configuration)
-    ready, words = _prepared(loop, records)
+    effort = effort or Effort()
+    each = _configurations(configuration, len(records))
+    loop = build(design, each[0])
+    ready, words = _prepared(loop, [held_by_design(design, record) for record in records])
+    pieces, numbers = pieces_of(design, ready, window), differing(design, each)
+    words += pieces_in_words(design, pieces, window)
     parts = segments(loop, set(ready[0].names))
     _check_driven(parts, ready, loop)
     cleaned: tuple[dict[str, Array], ...] = tuple({} for _ in ready)
     moved: tuple[dict[str, Array], ...] = tuple({} for _ in ready)
+    noise: dict[str, Whitening] = {}
     done: dict[int, SegmentReport] = {}
-    with _pool(processes) as pool:
-        for wave in _waves(parts, ready):
-            tasks = [_Task(design, configuration, ready, cleaned, moved, k, begin + budget) for k in wave]
+    with _pool(effort.processes) as pool:
+        for wave in _wanted(_waves(parts, ready), parts, effort.signals):
+            known = ready, cleaned, moved, noise, pieces, numbers
+            tasks = [_Task(design, each[0], *known, k, (begin + effort.budget, effort.seed)) for k in wave]
             for k, report in zip(wave, pool(_work, tasks), strict=True):
                 done[k] = report
+                noise |= dict(zip(report.exits, report.noise, strict=True))
                 _clean(cleaned, moved, ready, report)
                 if progress:
                     progress(f"{' and '.join(report.exits)} done", len(done) / len(parts))
-    return _answer([done[k] for k in range(len(parts))], words, time.monotonic() - begin)
+    return _answer([done[k] for k in sorted(done)], words, time.monotonic() - begin)
+
+
+def _configurations(given: str | Sequence[str | None] | None, logs: int) -> Sequence[str | None]:
+    """The configuration of each log."""
+    if given is None or isinstance(given, str):
+        return [given] * max(logs, 1)
+    if len(given) != logs:
+        raise AnalysisError("one configuration per log", found=f"{len(given)} for {logs}")
+    return given
 
 
 def _prepared(loop: Loop, records: Sequence[Record]) -> tuple[tuple[Record, ...], tuple[str, ...]]:
@@ -151,6 +189,17 @@ def _waves(parts: Sequence[Segment], records: Sequence[Record]) -> list[list[int
     return waves
 
 
+def _wanted(waves: list[list[int]], parts: Sequence[Segment], signals: Sequence[str]) -> list[list[int]]:
+    """The waves without segments that write none of these signals; all where none is named."""
+    if not signals:
+        return waves
+    left = [[k for k in wave if set(signals) & set(parts[k].exits)] for wave in waves]
+    if not any(left):
+        known = [exit for part in parts for exit in part.exits]
+        raise AnalysisError("no such measured signal", found=", ".join(signals), known=known)
+    return [wave for wave in left if wave]
+
+
 def _clean(
     cleaned: tuple[dict[str, Array], ...],
     moved: tuple[dict[str, Array], ...],
@@ -159,8 +208,8 @@ def _clean(
 ) -> None:
     for log, record in enumerate(records):
         for j, exit in enumerate(report.exits):
-            noise = column_noise(record[exit], exit in record.held)
-            if noise > 0:
+            noise = report.noise[j]
+            if exit not in record.held and noise.rms > EXACT * float(np.std(record[exit])):
                 fitted = report.outputs[log][:, j]
                 cleaned[log][exit] = fitted + wiener_part(record[exit] - fitted, noise)
                 moved[log][exit] = report.directions[log][:, j]
@@ -173,66 +222,11 @@ def _work(task: _Task) -> SegmentReport:
     at_rest = frozenset(
         name for name in network(resolve(loop)).held_signals if abs(float(task.records[0].time[0])) < 1e-9
     )
-    case, noises = _driven_best(prepared_case(part, task.records, free, at_rest), task.cleaned, task.moved)
-    carried = carried_noise(case, _nominal(case), noises)
-    return segment_report(search(case, carried, deadline=task.deadline))
-
-
-def _nominal(case: Case) -> Fitted:
-    parameters = case.parameters(())
-    return Fitted((), parameters, np.zeros(0), np.zeros((0, len(parameters))))
-
-
-def _driven_best(
-    case: Case, cleaned: tuple[dict[str, Array], ...], moved: tuple[dict[str, Array], ...]
-) -> tuple[Case, dict[str, float]]:
-    """Each noisy entry as measured or cleaned, whichever leaves less incoherent residual; and the entries' noise."""
-    first = case.records[0]
-    noises = {n: column_noise(first[n], n in first.held) for n in first.names}
-    exact = frozenset(n for n in first.names if noises[n] == 0 and n not in first.held)
-    case = replace(case, smooth=exact)
-    sources = [n for n in cleaned[0] if n not in case.exits and n not in case.segment.entries]
-    case = _with_columns(case, cleaned, sources)
-    chosen: list[str] = []
-    for entry in (n for n in case.segment.entries if n in cleaned[0]):
-        tried = _with_columns(case, cleaned, [entry])
-        if _left_over(tried) < _left_over(case):
-            case, chosen = tried, [*chosen, entry]
-        else:
-            noises[entry] = 0.0
-    return replace(case, nuisance=_nuisance(case, chosen, moved)), noises
-
-
-def _nuisance(case: Case, entries: Sequence[str], moved: tuple[dict[str, Array], ...]) -> tuple[Array, ...]:
-    """Per log (n, exits, k): the exits' response to each uncertain value of the segments that write the entries."""
-    ways = [(entry, k) for entry in entries for k in range(moved[0][entry].shape[1])]
-    if not ways:
-        return ()
-    fitted = _nominal(case)
-    base = case.outputs((), fitted.values)
-    columns: list[list[Array]] = [[] for _ in base]
-    for entry, k in ways:
-        shifted = tuple(
-            {entry: r[entry] + new[entry][:, k]} for r, new in zip(case.records, moved, strict=True)
-        )
-        for log, rows in enumerate(_with_columns(case, shifted, [entry]).outputs((), fitted.values)):
-            columns[log].append(rows - base[log])
-    return tuple(np.stack(found, axis=2) for found in columns)
-
-
-def _left_over(case: Case) -> float:
-    silent = tuple(np.zeros(len(case.records[0])) for _ in case.exits)
-    found = noise_of(case, _nominal(case), silent)
-    spread = [float(np.std(case.measured[0][:, j])) or 1.0 for j in range(len(found))]
-    return float(sum((one.rms / size) ** 2 for one, size in zip(found, spread, strict=True)))
-
-
-def _with_columns(case: Case, cleaned: tuple[dict[str, Array], ...], names: Sequence[str]) -> Case:
-    records = tuple(
-        Record(r.time, {**r.columns, **{n: new[n] for n in names}}, r.units, r.held, r.source)
-        for r, new in zip(case.records, cleaned, strict=True)
-    )
-    return replace(case, records=records, smooth=case.smooth | frozenset(names), _replays={})
+    case = as_logged(prepared_case(part, task.records, free, at_rest), task.design, task.pieces, task.numbers)
+    case, noises = driven_best(case, task.cleaned, task.moved, task.noise, set(loop.writers))
+    deadline, seed = task.limits
+    carried = carried_noise(case, nominal(case), noises, seed=seed)
+    return segment_report(search(case, carried, deadline=deadline))
 
 
 def _answer(reports: list[SegmentReport], words: tuple[str, ...], seconds: float) -> Diagnosis:
@@ -246,7 +240,11 @@ def _answer(reports: list[SegmentReport], words: tuple[str, ...], seconds: float
         confusable=tuple(one for report in reports for one in report.confusable),
         ladder=_ladder(reports),
         unexplained=unexplained,
-        next_experiment=None,
+        next_experiment=max(
+            (one for report in reports if (one := report.next_experiment) is not None),
+            key=lambda one: one.expected_delta_chi2,
+            default=None,
+        ),
         tolerated={path: value for report in reports for path, value in report.tolerated.items()},
         notes=(*words, *(note for report in reports for note in report.notes)),
         budget_exhausted=any(report.exhausted for report in reports),

@@ -45,8 +45,8 @@ class Fitted:
 
     @property
     def size(self) -> int:
-        """How many values the effects brought."""
-        return sum(len(one.free) for one in self.added)
+        """How many values the effects brought, those found another way than by the fit included."""
+        return sum(len(one.values) for one in self.added)
 
     @property
     def by_path(self) -> Mapping[str, Parameter]:

@@ -21,6 +21,7 @@ from delaytools.diagnosis.trials import DOUBLE, Trial, trials
 from delaytools.estimation.least_squares import estimate
 from delaytools.loop.edit import reader
 from delaytools.loop.loop import Loop
+from delaytools.loop.values import with_numbers
 from delaytools.signals.stimulus import Column, Stimulus
 from delaytools.signals.trouble import DelaytoolsError
 from delaytools.simulation.replay import Replay
@@ -92,7 +93,7 @@ class _Bench:
     @property
     def time(self) -> Array:
         """Times of the rows of a simulated run, s."""
-        return self.case.step * np.arange(min(ROWS, round(SECONDS / self.case.step)))
+        return np.arange(min(ROWS, round(SECONDS / self.case.step)), dtype=np.float64) * self.case.step
 
     def catalogue(self) -> tuple[Trial, ...]:
         """Every trial at every entry that moved in the logs."""
@@ -174,6 +175,9 @@ class _Bench:
 
     def _run_of(self, loop: Loop, fitted: Fitted, driven: Mapping[str, Stimulus]) -> Replay:
         free = tuple(p.path for p in fitted.parameters)
+        if self.case.numbers:
+            own = {path: number for path, number in self.case.numbers[0].items() if path not in free}
+            loop = with_numbers(loop, own)
         named = {name: driven[name] for name in loop.externals if name in driven}
         return Replay(loop, {**named, **_draws(loop, self.time)}, self.time, self.case.exits, free)
 

@@ -38,6 +38,18 @@ class Whitening:
     frequency: Array
     density: Array
 
+    def draw(self, count: int, generator: np.random.Generator) -> Array:
+        """(count,) noise of this spectrum."""
+        return np.asarray(lfilter([1.0], self.taps, generator.standard_normal(count)))
+
+    def evenly(self) -> "Whitening":
+        """A filter of one tap, at the highest density: where the noise is coloured, χ² counts no more than it should.
+
+        What a slow effect changes is judged against slow noise; n rows count as n mean(density)/max(density).
+        """
+        level = float(np.sqrt(self.density.max()))
+        return Whitening(np.array([1 / level]), self.rms, self.frequency, self.density)
+
     def apply(self, rows: Array) -> Array:
         """Whitened rows; rows (n,) or (n, k), filtered along the first axis."""
         return np.asarray(lfilter(self.taps, [1.0], rows, axis=0))
@@ -102,11 +114,14 @@ def whitening(frequency: Array, density: Array) -> Whitening:
     return Whitening(taps, float(np.sqrt(covariance[0])), frequency, density)
 
 
-def wiener_part(remainder: Array, noise: float, *, clearly: float = 3.0) -> Array:
-    """What of a remainder (n,) stands clearly above white noise, by a zero-phase Wiener filter."""
+def wiener_part(remainder: Array, noise: float | Whitening, *, clearly: float = 3.0) -> Array:
+    """What of a remainder (n,) stands clearly above the noise (white, or of a known spectrum), by a zero-phase
+    Wiener filter."""
     frequency, density = incoherent_spectrum(remainder, np.zeros((len(remainder), 0)))
-    share = np.where(density > clearly * noise**2, 1 - noise**2 / density, 0.0)
+    if isinstance(noise, Whitening):
+        floor = np.interp(frequency, noise.frequency, noise.density)
+    else:
+        floor = np.full(len(frequency), noise**2)
+    share = np.where(density > clearly * floor, 1 - floor / density, 0.0)
     full = np.fft.rfftfreq(len(remainder))
-    return np.asarray(
-        np.fft.irfft(np.fft.rfft(remainder) * np.interp(full, frequency, share), len(remainder))
-    )
+    return np.asarray(np.fft.irfft(np.fft.rfft(remainder) * np.interp(full, frequency, share), len(remainder)))

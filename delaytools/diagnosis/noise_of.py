@@ -1,5 +1,8 @@
 """The noise at the exits of a segment: what no input explains, never below what the logs can resolve."""
 
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -7,43 +10,62 @@ from delaytools.diagnosis.case import Case
 from delaytools.diagnosis.fitting import Fitted
 from delaytools.diagnosis.noise import Whitening, difference_noise, incoherent_spectrum, whitening
 from delaytools.signals.record import Record
-from delaytools.simulation.replay import Replay
 
-__all__ = ["carried_noise", "column_noise", "features", "noise_of"]
+__all__ = ["EXACT", "carried_noise", "column_noise", "features", "noise_of"]
 
 Array = NDArray[np.float64]
 RESOLVED = 3e-5  # of a signal's rms: differences below it are the simulation's or the log's rounding
 RESOLVED_HELD = 1e-4
+EXACT = 5e-5  # of a signal's rms: noise below it is none
 CLEANED = 0.15  # of the noise of a measured input that is left when the input was cleaned
 
 
 def features(case: Case, outputs: tuple[Array, ...], log: int) -> Array:
     """(n, k): entries and modelled exits of a log, and simple nonlinear functions of them, as inputs of a residual."""
     record = case.records[log]
-    columns = []
     names = [n for n in case.segment.entries if n in record]
-    for u in (*(record[n] for n in names), *outputs[log].T):
+    return _bent([*(record[n] for n in names), *outputs[log].T], len(record))
+
+
+def references(case: Case, log: int) -> Array:
+    """(n, k): signals from outside the loop, and simple nonlinear functions of them.
+
+    What the loop itself writes carries the noise round the loop: noise must not be called explained by it.
+    """
+    record = case.records[log]
+    return _bent([record[n] for n in record.names if n in case.outside and "@" not in n], len(record))
+
+
+def _bent(signals: Sequence[Array], rows: int) -> Array:
+    columns = []
+    for u in signals:
         centred = u - u.mean()
         size = max(float(np.abs(centred).max()), 1e-300)
         x = centred / size
         rate = np.diff(u, prepend=u[:1])
         turn = np.tanh(rate / max(0.2 * float(np.sqrt(np.mean(rate**2))), 1e-300))
         columns += [x, np.abs(u / size), x**3, turn]
-    return np.stack(columns, axis=1) if columns else np.zeros((len(record), 0))
+    return np.stack(columns, axis=1) if columns else np.zeros((rows, 0))
 
 
-def carried_noise(case: Case, fitted: Fitted, noises: dict[str, float]) -> tuple[Array, ...]:
-    """Per exit (n,): what white noise of these standard deviations on measured inputs sends through the segment."""
-    noisy = {n: s for n, s in noises.items() if n in case.segment.entries and s > 0}
+def carried_noise(
+    case: Case, fitted: Fitted, noises: Mapping[str, float | Whitening], *, seed: int = 1
+) -> tuple[Array, ...]:
+    """Per exit (n,): what noise on measured inputs (white of a standard deviation, or of a spectrum) sends through."""
+    noisy = {n: s for n, s in noises.items() if n in case.segment.entries and (isinstance(s, Whitening) or s > 0)}
     if not noisy:
         return tuple(np.zeros(len(case.records[0])) for _ in case.exits)
     record = case.records[0]
-    generator = np.random.default_rng(7)
-    columns = {n: record[n] + s * generator.standard_normal(len(record)) for n, s in noisy.items()}
+    generator = np.random.default_rng(seed)
+    columns = {
+        n: record[n]
+        + (s.draw(len(record), generator) if isinstance(s, Whitening) else s * generator.standard_normal(len(record)))
+        for n, s in noisy.items()
+    }
     moved = Record(record.time, {**record.columns, **columns}, record.units, record.held)
     replay = case.replays(fitted.added)[0]
     stimuli = {**replay.stimuli, **case.stimuli_for(moved, tuple(noisy))}
-    run = Replay(replay.loop, stimuli, replay.time, replay.signals, replay.free)
+    run = replace(replay, stimuli=stimuli, _compiled={}, _parts={})
     change = run.run(fitted.values) - replay.run(fitted.values)
     return tuple(change.T)
 
@@ -58,10 +80,7 @@ def noise_of(
     outputs = case.outputs(fitted.added, fitted.values)
     found = []
     for j, exit in enumerate(case.exits):
-        spectra = [
-            incoherent_spectrum(case.measured[k][:, j] - outputs[k][:, j], features(case, outputs, k))
-            for k in range(len(case.records))
-        ]
+        spectra = [incoherent_spectrum(*pair) for pair in _series(case, outputs, j)]
         longest = max(range(len(spectra)), key=lambda k: len(spectra[k][0]))
         frequency = spectra[longest][0]
         density = np.mean([np.interp(frequency, f, d) for f, d in spectra], axis=0)
@@ -74,9 +93,22 @@ def noise_of(
     return tuple(found)
 
 
+def _series(case: Case, outputs: tuple[Array, ...], exit: int) -> list[tuple[Array, Array]]:
+    """Per log: the residual at an exit, and what may explain some of it.
+
+    Logs in pieces give one series of the rows that count, all of it taken for noise: the error of a model of a real
+    bench goes with its inputs, too.
+    """
+    left = [m[:, exit] - y[:, exit] for m, y in zip(case.measured, outputs, strict=True)]
+    if not case.pieces:
+        return [(rows, references(case, log)) for log, rows in enumerate(left)]
+    whole = np.concatenate([rows[a:b] for rows, own in zip(left, case.pieces, strict=True) for a, b in own])
+    return [(whole, np.zeros((len(whole), 0)))]
+
+
 def column_noise(values: Array, held: bool) -> float:
     """Noise of a measured column by its fourth differences; 0 for held signals and for what is nearly exact."""
     if held:
         return 0.0
     found = difference_noise(values)
-    return found if found > 2e-4 * float(np.std(values)) else 0.0
+    return found if found > EXACT * float(np.std(values)) else 0.0

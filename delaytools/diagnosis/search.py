@@ -25,7 +25,9 @@ NAMED = 60.0  # held-out χ² that an effect must be worth
 PART_OF_NOISE = 0.25  # of the noise rms that an effect must contribute
 IN_A_BAND = 1.5  # times the noise density, where an effect is small in all
 MOST = 3
+SHORTEST = 0.5  # rows: a shorter delay or lag may be the way in which rows are joined
 QUICK = 1e-4
+NEAR = 400.0  # χ² within which a rival is fitted again when the noise is known better
 
 
 @final
@@ -143,7 +145,9 @@ def judged(case: Case, fitted: Fitted) -> HeldOut:
 
 
 def _worthwhile(case: Case, before: Fitted, after: Fitted, carried: tuple[Array, ...]) -> bool:
-    """Whether an effect more pays on held-out data, and is not lost in the noise."""
+    """Whether an effect more pays on held-out data, is not lost in the noise, and is longer than rows can tell."""
+    if any(after.added[-1].values.get(name, np.inf) < SHORTEST * case.step for name in ("delay", "time_constant")):
+        return False
     without = _refit(case, before)
     if without is None:
         return True
@@ -181,9 +185,7 @@ def _swapped(
     case: Case, fitted: Fitted, rivals: list[list[Fitted]], carried: tuple[Array, ...], deadline: float
 ) -> tuple[Case, Fitted, list[list[Fitted]]]:
     """Every effect taken out in turn and everything tried in its place; what fits better stays."""
-    if len(fitted.added) < 2:
-        return case, fitted, rivals
-    for place in range(len(fitted.added)):
+    for place in range(len(fitted.added) - 1):  # what stands in the last one's place was tried when it was added
         if time.monotonic() > deadline:
             break
         rest = tuple(one for k, one in enumerate(fitted.added) if k != place)

@@ -1,28 +1,39 @@
 """What a search found in one segment, as plain figures that can travel between processes."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from delaytools.diagnosis.added import Added
-from delaytools.diagnosis.answer import Confusable, Missing, Quantity, Rival, Step, Unexplained
+from delaytools.diagnosis.answer import (
+    Confusable,
+    Missing,
+    NextExperiment,
+    Quantity,
+    Rival,
+    Step,
+    Unexplained,
+)
 from delaytools.diagnosis.case import Case
 from delaytools.diagnosis.fitting import Fitted, fit_hypothesis
 from delaytools.diagnosis.heldout import held_out
-from delaytools.diagnosis.noise import incoherent_spectrum, whitening
-from delaytools.diagnosis.noise_of import features
+from delaytools.diagnosis.hint import hint
+from delaytools.diagnosis.next_experiment import next_experiment
+from delaytools.diagnosis.noise import Whitening, incoherent_spectrum, whitening
+from delaytools.diagnosis.noise_of import features, references
 from delaytools.diagnosis.quantities import quantities
-from delaytools.diagnosis.search import PENALTY, Finding
+from delaytools.diagnosis.search import MOST, PENALTY, Finding
 from delaytools.diagnosis.structure import Band, structured_bands
 
 __all__ = ["SegmentReport", "segment_report"]
 
 Array = NDArray[np.float64]
 ALIKE = 12.0  # χ² (values paid for) within which two effects explain the logs equally well
-LEFT = 0.15  # power of structure left in a band, of the noise there
+LEFT = 0.06  # power of structure left, of the noise: a quarter of its rms
+IN_A_BAND = 1.25  # the same in one octave
 CHANCE = 1e-8
 
 
@@ -32,12 +43,13 @@ class SegmentReport:
     """Everything of one segment that an answer needs.
 
     outputs: per log (n, exits) of the fitted model. directions: per log (n, exits, k), one standard error of each
-    fitted value.
+    fitted value. noise: of each exit.
     """
 
     exits: tuple[str, ...]
     outputs: tuple[Array, ...]
     directions: tuple[Array, ...]
+    noise: tuple[Whitening, ...]
     missing: tuple[Missing, ...]
     ranking: tuple[Rival, ...]
     confusable: tuple[Confusable, ...]
@@ -46,12 +58,13 @@ class SegmentReport:
     tolerated: Mapping[str, Quantity]
     notes: tuple[str, ...]
     exhausted: bool
+    next_experiment: NextExperiment | None = None
 
 
 def segment_report(found: Finding) -> SegmentReport:
     """The figures of a search."""
     case, fitted = found.case, found.fitted
-    left = _unexplained(case, fitted)
+    left = _unexplained(case, fitted) or _imitated(case, fitted)
     sets = [_alike(found, k) for k in range(len(fitted.added))]
     confusable = tuple(
         Confusable(case.exits[0], tuple(_rival(case, one, fitted) for one in (fitted, *members)))
@@ -60,9 +73,25 @@ def segment_report(found: Finding) -> SegmentReport:
     )
     missing = tuple(_missing(found, k, certain=not sets[k] and not left) for k in range(len(fitted.added)))
     return SegmentReport(
-        case.exits, case.outputs(fitted.added, fitted.values), _directions(case, fitted), missing, _ranking(found), confusable,
-        _steps(found, adequate=not left), left, _tolerated(case, fitted), _notes(found), found.exhausted,
+        case.exits, case.outputs(fitted.added, fitted.values), _directions(case, fitted), case.whitening,
+        missing, _ranking(found), confusable, _steps(found, adequate=not left), left, _tolerated(case, fitted),
+        _notes(found), found.exhausted, _next(case, fitted, sets),
     )  # fmt: skip
+
+
+def _imitated(case: Case, fitted: Fitted) -> tuple[Unexplained, ...]:
+    """Sets of effects that explain everything by their number alone: such sets imitate an unknown effect well."""
+    generic = {one.fixed.get("source") for one in fitted.added if "source" in one.fixed}
+    if len(fitted.added) < MOST and len(generic) < 2:
+        return ()
+    words = f"{len(fitted.added)} effects are needed here: together they may imitate one that is not in the catalogue"
+    return (Unexplained(case.exits[0], 0.0, (), words),)
+
+
+def _next(case: Case, fitted: Fitted, sets: list[tuple[Fitted, ...]]) -> NextExperiment | None:
+    """The experiment that parts one of the equivalence sets best."""
+    found = [one for members in sets if members and (one := next_experiment(case, fitted, members)) is not None]
+    return max(found, key=lambda one: one.expected_delta_chi2, default=None)
 
 
 def _directions(case: Case, fitted: Fitted) -> tuple[Array, ...]:
@@ -101,7 +130,14 @@ def _missing(found: Finding, place: int, *, certain: bool) -> Missing:
     also = tuple(dict.fromkeys(o.at for o in same if o.kind == one.kind and o.at != one.at))
     settings = {**one.fixed, **{n: v for n, v in one.values.items() if n not in one.reported}}
     values = quantities(case.segment.loop, fitted, place)
-    return Missing(one.kind, one.at, case.exits[0], values, settings, certain, also)
+    return Missing(one.kind, one.at, shown_at(case, one), values, settings, certain, also)
+
+
+def shown_at(case: Case, one: Added) -> str:
+    """The measured signal at which an effect shows: its own port where that is measured, else the first exit."""
+    block, _, name = one.at.partition(".")
+    signal = case.segment.loop[block].outputs.get(name, "")
+    return signal if signal in case.exits else case.exits[0]
 
 
 def _rival(case: Case, one: Fitted, best: Fitted) -> Rival:
@@ -138,9 +174,11 @@ def _unexplained(case: Case, fitted: Fitted) -> tuple[Unexplained, ...]:
         white = case.whitening[j].apply(residual)
         inputs = features(case, outputs, 0)
         bands = structured_bands(white, inputs)
-        bad = [b for b in bands if b.share > LEFT and b.probability < CHANCE]
-        if bad:
-            found.append(_left(case, exit, bad, (white, inputs)))
+        bad = [b for b in bands if b.share > IN_A_BAND and b.probability < CHANCE]
+        whole = sum(b.share * 2 * (b.high - b.low) for b in bands if b.probability < CHANCE)
+        if bad or whole > LEFT:
+            bad = [b for b in bands if b.probability < CHANCE]
+            found.append(replace(_left(case, exit, bad, (white, inputs)), hint=hint(case, fitted, j)))
     return tuple(found)
 
 
@@ -180,7 +218,7 @@ def _seen_plainly(case: Case, fitted: Fitted, adequate: bool) -> Case:
     filters = []
     for j in range(len(case.exits)):
         residual = left[0][:, j]
-        inputs = np.zeros((len(residual), 0)) if adequate else features(case, outputs, 0)
+        inputs = np.zeros((len(residual), 0)) if adequate else references(case, 0)
         filters.append(whitening(*incoherent_spectrum(residual, inputs)))
     return case.whitened_by(tuple(filters))
 

@@ -144,6 +144,22 @@ def smoothing_of(view: View, port: Port) -> float:
     return max(0.02 * view.state(port), 1e-9)
 
 
+def _with_loads(
+    view: View, spot: Spot, values: Mapping[str, float]
+) -> list[tuple[Mapping[str, float], Mapping[str, str]]]:
+    """The values as they are; for friction by load also for every signal beside the log that its block shows."""
+    found: list[tuple[Mapping[str, float], Mapping[str, str]]] = [(values, {})]
+    if spot.kind != "load_dependent_friction":
+        return found
+    scale = view.derivative(spot.port)
+    for signal in view.case.segment.loop[spot.port.element].outputs.values():
+        known = signal not in view.case.records[0] and all(signal in rows for rows in view.signals)
+        size = float(np.concatenate([rows[signal] for rows in view.signals]).std()) if known else 0.0
+        if size > 0:
+            found.append(({**values, "coefficient": SMALL * scale / size}, {"load": signal}))
+    return found
+
+
 def _friction(name: str, more: Mapping[str, float]) -> Callable[[View, Spot], list[Candidate]]:
     def make(view: View, spot: Spot) -> list[Candidate]:
         scale = view.derivative(spot.port)
@@ -156,7 +172,10 @@ def _friction(name: str, more: Mapping[str, float]) -> Callable[[View, Spot], li
             values["speed"] = more["speed"] * view.state(spot.port)
         values["smoothing"] = width
         limits = {"smoothing": (0.05 * width, 20 * width)}
-        return [Candidate((Added(spot.kind, str(spot.port), values, {}, frozenset(), limits),), LINEAR, name)]
+        return [
+            Candidate((Added(spot.kind, str(spot.port), own, fixed, frozenset(), limits),), LINEAR, name)
+            for own, fixed in _with_loads(view, spot, values)
+        ]
 
     return make
 

@@ -30,7 +30,7 @@ def trials(
 
     width: the largest half width that a rival states, in the signal's unit. step: between rows, s.
     """
-    tones = [f for f in TONES if f * step <= FASTEST]
+    tones = [f for f in TONES if f * step <= FASTEST] or [FASTEST / step]
     tables: list[tuple[str, dict[str, Any]]] = [
         ("step", {"type": "step", "amplitude": peak, "start": 0.5}),
         ("doublet", {"type": "doublet", "amplitude": peak, "start": 0.5, "width": 0.5}),

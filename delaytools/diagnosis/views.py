@@ -1,6 +1,6 @@
 """What a segment's signals do under a hypothesis: scales for the starting values of candidates."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import final
 
 import numpy as np
@@ -12,11 +12,11 @@ from delaytools.blocks.second_order import SecondOrder
 from delaytools.diagnosis.case import Case
 from delaytools.diagnosis.fitting import Fitted
 from delaytools.loop.port import Port
-from delaytools.simulation.replay import Replay
 
 __all__ = ["View", "case_view"]
 
 Array = NDArray[np.float64]
+FOLLOWED = 0.9  # correlation with an exit
 
 
 @final
@@ -48,12 +48,28 @@ class View:
 
     @property
     def sources(self) -> tuple[str, ...]:
-        """Columns of the log that could leak into this segment: all but its own exits."""
-        return tuple(n for n in self.case.records[0].names if n not in self.case.exits and "@" not in n)
+        """Columns of the log that could leak into this segment: all but its own exits.
+
+        In logs of real runs not what an exit follows, either: a reference explains whatever a controller makes of it.
+        """
+        names = tuple(n for n in self.case.records[0].names if n not in self.case.exits and "@" not in n)
+        return tuple(n for n in names if not self._followed(n)) if self.case.pieces else names
+
+    def _followed(self, name: str) -> bool:
+        column = np.concatenate([r[name] for r in self.case.records])
+        rows = np.concatenate(self.case.measured)
+        if np.ptp(column) == 0:
+            return False
+        return any(abs(np.corrcoef(column, y)[0, 1]) > FOLLOWED for y in rows.T if np.ptp(y) > 0)
 
     def is_at(self, port: Port, signal: str) -> bool:
-        """Whether the signal stands at the port itself."""
+        """Whether the signal stands at the port itself, or drives the port's derivative as the one input of its block.
+
+        A force from a block's own input is a scale factor of it.
+        """
         element = self.case.segment.loop[port.element]
+        if port.kind == "derivative" and len(element.inputs) == 1 and not isinstance(element.block, Equations):
+            return next(iter(element.inputs.values())).text.strip() == signal
         if port.kind == "input":
             return element.inputs[port.name].text.strip() == signal
         return port.kind == "output" and element.outputs[port.name] == signal
@@ -103,7 +119,7 @@ def case_view(case: Case, fitted: Fitted) -> View:
     names = tuple(name for name in loop.signals if name in loop.writers and "@" not in name)
     found = []
     for replay, record in zip(case.replays(fitted.added), case.records, strict=True):
-        whole = Replay(replay.loop, replay.stimuli, replay.time, names, replay.free)
+        whole = replace(replay, signals=names, _compiled={}, _parts={})
         rows = whole.run(fitted.values)
         found.append({**record.columns, **{name: rows[:, k] for k, name in enumerate(names)}})
     return View(case, tuple(found))

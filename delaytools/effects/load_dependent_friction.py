@@ -17,28 +17,37 @@ __all__ = ["LoadDependentFrictionEffect"]
 @final
 @dataclass(frozen=True, kw_only=True)
 class LoadDependentFriction(Modifier):
-    """v' = … - coefficient abs(load) tanh(v / smoothing), load = the other terms that are no friction."""
+    """v' = … - coefficient abs(load) tanh(v / smoothing), load = a signal, or the other terms that are no friction."""
 
     state: str
+    signal: str | None = None
     coefficient: Scalar = value(low=0.0, neutral=0.0)
     smoothing: Scalar = value("rate", low=0.0, exclusive=True, default=0.2)
 
     stage = FRICTION
-    sources = ()
     amplitude_dependent = True
 
+    @property
+    def sources(self) -> tuple[str, ...]:
+        return (self.signal,) if self.signal else ()
+
     def modify(self, view: StateView) -> Mapping[str, Scalar]:
-        resistance = self.coefficient * ca.fabs(view.load) * ca.tanh(view.states[self.state] / self.smoothing)
+        load = view.sources[0] if self.signal else view.load
+        resistance = self.coefficient * ca.fabs(load) * ca.tanh(view.states[self.state] / self.smoothing)
         return {self.state: view.rates[self.state] - resistance}
 
 
 @final
 @dataclass(frozen=True, kw_only=True)
 class LoadDependentFrictionEffect(Effect):
-    """v' = … - coefficient abs(load) tanh(v / smoothing), load = the other terms that are no friction."""
+    """v' = … - coefficient abs(load) tanh(v / smoothing), load = the other terms that are no friction.
+
+    These cancel where a gear holds a weight still though it carries both: `load` names a signal to take instead.
+    """
 
     coefficient: Scalar = value(low=0.0, neutral=0.0)
     smoothing: Scalar = value("rate", low=0.0, exclusive=True, default=0.2)
+    load: str | None = value("name", default=None)
 
     kind = "load_dependent_friction"
     acts_on = ("derivative",)
@@ -54,6 +63,6 @@ class LoadDependentFrictionEffect(Effect):
 
     def apply(self, loop: Loop, place: Place) -> Loop:
         friction = LoadDependentFriction(
-            state=place.port.name, coefficient=self.coefficient, smoothing=self.smoothing
+            state=place.port.name, signal=self.load, coefficient=self.coefficient, smoothing=self.smoothing
         )
         return act_at(loop, place, friction)

@@ -12,6 +12,7 @@ from scipy.optimize import least_squares
 from delaytools.blocks.block import Continuous, Sampled, Scalar, Transport
 from delaytools.linear.sampled_system import SampledSystem, Sampler
 from delaytools.loop.edit import wire
+from delaytools.loop.linearity import is_linear
 from delaytools.loop.loop import Element, Loop
 from delaytools.loop.network import Key, Leaves, Network, network
 from delaytools.loop.values import resolve
@@ -176,7 +177,7 @@ def operating_point(lines: Formulas) -> NDArray[np.float64]:
     """
     net, symbols, rows = lines.net, lines.symbols, lines.rows
     everything = symbols.all
-    if ca.is_linear(rows, everything) or everything.shape[0] == 0:
+    if everything.shape[0] == 0 or is_linear(rows, everything):
         return np.zeros(everything.shape[0])
     n, nv, nw = symbols.x.shape[0], symbols.v.shape[0], symbols.w.shape[0]
     free = ca.vertcat(symbols.x, symbols.v, symbols.w)

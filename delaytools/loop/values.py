@@ -143,7 +143,11 @@ def _numbers(
 
 
 def is_neutral(item: Any) -> bool:
-    """Whether every value that has a neutral value is at it."""
+    """Whether every value that has a neutral value is at it; a formula brings its own neutral values."""
+    own = getattr(item, "neutral", None)
+    if own:
+        numbers = flat_values(item)
+        return all(isinstance(numbers[n], int | float) and numbers[n] == number for n, number in own.items())
     specs = {n: s for n, s in specifications(item).items() if s.neutral is not None}
     if not specs:
         return False

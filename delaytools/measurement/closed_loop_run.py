@@ -13,6 +13,7 @@ from delaytools.simulation.replay import Replay, driven_by
 
 __all__ = ["closed_loop_runs"]
 
+FAR = 1e100
 RUNAWAY = 10.0  # times the measured peak: the run has left the bench
 
 
@@ -34,7 +35,7 @@ def _run(loop: Loop, record: Record) -> ClosedLoop:
         rows = Replay(loop, stimuli, record.time - record.time[0], signals).run()
     except DelaytoolsError as error:
         return ClosedLoop(name, {}, str(error))
-    if not np.isfinite(rows).all():
+    if not (np.isfinite(rows).all() and np.abs(rows).max(initial=0.0) < FAR):
         return ClosedLoop(name, {}, "the loop of the model diverges")
     away = [
         n for j, n in enumerate(signals)

@@ -6,6 +6,7 @@ from typing import final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import norm
 
 from delaytools.measurement.measures import Trace, rms
 from delaytools.measurement.residual_spectra import Spectra, bands, holm, spectra
@@ -43,24 +44,27 @@ def judged(
 ) -> Judged:
     """The error of a signal against its own noise (rms) and the noise carried to it; all by logs.
 
-    Two tests by frequency, together by Holm's correction: the power of the error against that of the noise, and its
+    Tests, together by Holm's correction: its mean; by frequency its power against that of the noise, and its
     coherence with the references (per reference, per log, on the rows of the log), bound 1 - (1 - c)^(1/(L - 1)).
     What is significant counts where it reaches a quarter of the noise, or 1.5 times the noise of some band.
     """
     errors = [y - m for _, y, m in traces]
+    whole = np.concatenate(errors)
     size = max(rms(np.concatenate([y for _, y, _ in traces])), rms(np.concatenate([m for _, _, m in traces])))
     sent, said = rms(np.concatenate(list(carried))), ""
-    if sent > 0 and rms(np.concatenate(errors)) < READ * sent:
+    if sent > 0 and rms(whole) < READ * sent:
         carried = [np.zeros_like(rows) for rows in carried]
         said = "the noise of its inputs is part of what it reads and adds nothing; "
         sent = 0.0
     floor = RESOLVED * size
     time = [t for t, _, _ in traces]
     step = float(np.median(np.diff(time[0])))
-    even = [_even(rows, step, time) for rows in (errors, carried, *references)]
-    seen = spectra(step, even[0], even[1], even[2:], float(np.hypot(noise, floor)))
-    difference, peak = _beyond(seen)
-    difference = min(difference, rms(np.concatenate(errors)))
+    around, *columns = (_even(rows, step, time) for rows in (errors, carried, *references))
+    white = float(np.hypot(noise, floor))
+    seen = spectra(step, around, columns[0], columns[1:], white)
+    centred = spectra(step, [rows - whole.mean() for rows in around], columns[0], columns[1:], white)
+    difference, peak = _beyond(centred, float(whole.mean()), len(whole))
+    difference = min(difference, rms(whole))
     total = float(np.sqrt(noise**2 + floor**2 + sent**2))
     fails = difference > PART_OF_NOISE * total or peak > IN_A_BAND**2
     words = said + _words(difference, total, fails)
@@ -78,20 +82,26 @@ def _even(logs: Sequence[Array], step: float, time: Sequence[Array]) -> list[Arr
     return found
 
 
-def _beyond(seen: Spectra) -> tuple[float, float]:
-    """rms that is significantly more than noise, and the largest ratio to the noise of its band."""
+def _beyond(seen: Spectra, offset: float, count: int) -> tuple[float, float]:
+    """rms that is significantly more than noise, and the largest ratio to the noise of its band.
+
+    seen: of the error without its mean, which is `offset` over `count` rows.
+    """
     groups = bands(seen.frequency)
     level = np.array([seen.level_chance(g) for g in groups])
-    chances = np.r_[level, seen.p_coherence]
+    window = 2 * (len(seen.frequency) - 1)
+    steady = float(np.sqrt(max(seen.noise[0], 1e-300) * window / count))
+    chances = np.r_[level, 2 * norm.sf(abs(offset) / steady), seen.p_coherence]
     sure = holm(chances, SURE)
     excess, peak = 0.0, 0.0
     for group in (g for g, s in zip(groups, sure[: len(groups)], strict=True) if s):
         more = float(seen.error[group].sum() - seen.noise[group].sum())
         excess += max(more, 0.0)
         peak = max(peak, more / max(float(seen.noise[group].sum()), 1e-300))
-    lines = sure[len(groups) :]
+    lines = sure[len(groups) + 1 :]
     coherent = float((seen.coherence * seen.error)[lines].sum())
-    return float(np.sqrt(max(excess, coherent))), peak
+    steady_part = offset**2 if sure[len(groups)] else 0.0
+    return float(np.sqrt(max(excess, coherent) + steady_part)), peak
 
 
 def _words(difference: float, total: float, fails: bool) -> str:

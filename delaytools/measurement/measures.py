@@ -108,7 +108,7 @@ def figures(name: str, traces: Sequence[Trace], *, held: bool = False) -> Figure
     measured = np.concatenate([y for _, y, _ in traces])
     modelled = np.concatenate([m for _, _, m in traces])
     if not np.isfinite(modelled).all():
-        none = "the model's signal is not finite"
+        none = "the model runs away: its values are no longer finite"
         return Figures(name, None, None, Theil(None, None, None, None), Shift(None, None, None),
                        {"rms_error": none, "fit_percent": none, "theil": none, "shift": none})  # fmt: skip
     fit, found, shift = (

@@ -22,6 +22,7 @@ __all__ = ["SegmentRun", "column_noise", "prepared", "run_segment"]
 Array = NDArray[np.float64]
 SEED = 7
 RESOLVED = 3e-5  # of a signal's size: below it, differences are rounding
+RUNAWAY = 1e9  # times what was measured
 START = 1e-9  # s: a log whose first row is at t = 0
 PIECEWISE = 0.02  # of its rows: a signal that changes in fewer keeps its value between
 
@@ -91,31 +92,45 @@ def run_segment(segment: Segment, records: Sequence[Record], sampled: Collection
 def _run(
     segment: Segment, record: Record, sent: Mapping[str, float], sampled: Collection[str]
 ) -> tuple[Array, Array]:
-    """(n, exits) of the model, and what noise on the entries adds to it."""
-    replay = _replay(segment, record, sampled)
-    rows = replay.run()
-    if not sent:
+    """(n, exits) of the model, and what noise on the entries adds to it.
+
+    Columns are joined by straight lines or by splines between rows, whichever leaves less: what lies between the rows
+    is not known, and no error of the model.
+    """
+    curved = [n for n in segment.entries if n in record and n not in record.held and resolution(record[n]) == 0]
+    smooth, rows = _nearest(segment, record, sampled, curved)
+    if not sent or not np.isfinite(rows).all():
         return rows, np.zeros_like(rows)
     draw = np.random.default_rng(SEED)
     noisy = {n: record[n] + size * draw.standard_normal(len(record)) for n, size in sent.items()}
     moved = Record(record.time, {**record.columns, **noisy}, record.units, record.held)
-    return rows, _replay(segment, moved, sampled, like=record).run() - rows
+    return rows, _replay(segment, moved, sampled, smooth).run() - rows
 
 
-def _replay(
-    segment: Segment, record: Record, sampled: Collection[str], *, like: Record | None = None
-) -> Replay:
-    """The segment on one log; columns without noise (in the log `like`) are joined by a spline."""
+def _nearest(
+    segment: Segment, record: Record, sampled: Collection[str], curved: Sequence[str]
+) -> tuple[Sequence[str], Array]:
+    """Which columns are joined by a spline (all or none), and the rows of the model then."""
+    measured = np.stack([record[exit] for exit in segment.exits], axis=1)
+    straight = _finite(_replay(segment, record, sampled, ()).run(), measured)
+    if not curved or not np.isfinite(straight).all():
+        return (), straight
+    spline = _finite(_replay(segment, record, sampled, curved).run(), measured)
+    size = np.where(measured.std(axis=0) > 0, measured.std(axis=0), 1.0)
+    left = [float(np.sum(((measured - rows) / size) ** 2)) for rows in (spline, straight)]
+    return (curved, spline) if left[0] < left[1] else ((), straight)
+
+
+def _finite(rows: Array, measured: Array) -> Array:
+    """The rows, NaN where the model has run away."""
+    far = RUNAWAY * max(float(np.abs(measured).max(initial=0.0)), 1.0)
+    with np.errstate(invalid="ignore"):
+        return np.where(np.abs(rows) < far, rows, np.nan)
+
+
+def _replay(segment: Segment, record: Record, sampled: Collection[str], smooth: Collection[str]) -> Replay:
     columns = {name: name.removesuffix("@read") for name in segment.loop.externals}
     rest = [n for n in sampled if n in record.held and abs(float(record.time[0])) < START]
-    smooth = [n for n in columns.values() if n in record and _smooth(like or record, n)]
     driven = driven_by(record, set(columns.values()), at_rest=rest, smooth=smooth)
     stimuli = {name: driven[column] for name, column in columns.items() if column in driven}
     return Replay(segment.loop, stimuli, record.time - record.time[0], segment.exits)
-
-
-def _smooth(record: Record, name: str) -> bool:
-    values = record[name]
-    if name in record.held or resolution(values) > 0:
-        return False
-    return difference_noise(values) <= RESOLVED * float(np.abs(values).max(initial=0.0))

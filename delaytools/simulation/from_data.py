@@ -29,25 +29,25 @@ LARGEST_CALL = 20  # spans
 STAGES = 3
 
 
-def data_call(model: Physics, timing: Timing, end: float) -> Call:
-    """The unrolled function of some spans and the data of every call up to `end` s."""
+def data_call(model: Physics, timing: Timing, end: float, *, short: bool = False) -> Call:
+    """The unrolled function of some spans and the data of every call up to `end` s; short: of one span."""
     grid = run_grid(timing, end)
     lookups = tuple(look_back(grid, delay) for delay in timing.delays)
-    return _FromData(model, timing, grid, lookups).build()
+    return _FromData(model, timing, grid, lookups, 1 if short else LARGEST_CALL).build()
 
 
 @final
 class _FromData:
     """Builds the call: an inner function on gathered pieces of history, and the gathering around it."""
 
-    def __init__(self, model: Physics, timing: Timing, grid: Grid, lookups: tuple[Lookup, ...]) -> None:
+    def __init__(self, model: Physics, timing: Timing, grid: Grid, lookups: tuple[Lookup, ...], most: int) -> None:
         self.model, self.timing, self.grid, self.lookups = model, timing, grid, lookups
         self.even = bool(np.ptp(grid.length) < 1e-12 * timing.frame + 1e-9 * grid.length[0])
         self.delays = len(lookups)
-        nearest = min((int(look.back.min()) for look in lookups), default=LARGEST_CALL)
+        nearest = min((int(look.back.min()) for look in lookups), default=most)
         self.inside = nearest == 0
         self.period = self._tick_period()
-        self.spans = self._spans(nearest)
+        self.spans = self._spans(nearest, most)
         self.ticks_known = self.period is not None and self.spans % self.period == 0
         self.depth = max((int(look.back.max()) for look in lookups), default=1)
         self.names = tuple(timing.periods)
@@ -59,8 +59,8 @@ class _FromData:
         frames = hyper_period(self.timing.frame, list(self.timing.periods.values()))
         return None if frames is None or not self.even else frames * self.timing.substeps
 
-    def _spans(self, nearest: int) -> int:
-        most = max(1, min(LARGEST_CALL, nearest))
+    def _spans(self, nearest: int, most: int) -> int:
+        most = max(1, min(most, nearest))
         if self.period is None or self.period > most:
             return most
         return most // self.period * self.period

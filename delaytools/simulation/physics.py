@@ -7,6 +7,7 @@ from typing import Any, final
 import casadi as ca
 
 from delaytools.blocks.block import Continuous, Follower, Sampled, Scalar
+from delaytools.loop.linearity import is_linear
 from delaytools.loop.loop import Loop
 from delaytools.loop.network import Key, Leaves, Network, network
 from delaytools.loop.values import resolve
@@ -155,7 +156,7 @@ def physics(loop: Loop, free: tuple[str, ...] = ()) -> Physics:
     clock = ca.vertcat(point.t, point.elapsed)
     both = ca.vertcat(x_dot, inputs)
     timed = bool(ca.depends_on(ca.vertcat(both, rows), clock)) if both.shape[0] + rows.shape[0] else False
-    linear = not layout.followers and not timed and not free and bool(ca.is_linear(both, moving))
+    linear = not layout.followers and not timed and not free and is_linear(both, moving)
     return Physics(
         net,
         layout,

@@ -25,8 +25,11 @@ __all__ = ["repeating_call"]
 SMALLEST_CALL = 15  # spans
 
 
-def repeating_call(model: Physics, timing: Timing) -> Call | None:
-    """The unrolled function of one or more hyper-periods, or None where the grid does not repeat."""
+def repeating_call(model: Physics, timing: Timing, *, short: bool = False) -> Call | None:
+    """The unrolled function of one or more hyper-periods, or None where the grid does not repeat.
+
+    short: of one hyper-period only.
+    """
     frames = hyper_period(timing.frame, list(timing.periods.values()))
     if timing.varying or frames is None:
         return None
@@ -35,7 +38,7 @@ def repeating_call(model: Physics, timing: Timing) -> Call | None:
         return None
     grid, lookups, moved = pattern
     count = len(grid.start)
-    copies = max(1, math.ceil(SMALLEST_CALL / count))
+    copies = 1 if short else max(1, math.ceil(SMALLEST_CALL / count))
     depth = max((int(look.back.max()) for look in lookups), default=0)
     builder = _Repeating(model, timing, grid, lookups, moved)
     return builder.build(copies, depth)

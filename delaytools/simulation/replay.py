@@ -10,20 +10,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delaytools.blocks.block import Sampled, Transport
+from delaytools.blocks.rate_limiter import RateLimiter
 from delaytools.loop.loop import Loop
+from delaytools.loop.network import Key
 from delaytools.loop.values import with_numbers
 from delaytools.signals.record import Record
 from delaytools.signals.stimulus import Column, Stimulus
 from delaytools.signals.trouble import AnalysisError
+from delaytools.simulation.anew import Anew
 from delaytools.simulation.run import Compiled, compile_loop, run
 from delaytools.simulation.sensitivity import run_with_derivatives
 
-__all__ = ["Replay", "driven_by"]
+__all__ = ["Begin", "Replay", "driven_by"]
 
 Array = NDArray[np.float64]
+Begin = tuple[int, Mapping[Key, float]]  # row, and the states' values there
+SLEWING = 4  # steps per frame where a slew limit may end its ramp within one
 EVEN = 1e-3  # of the usual step: rows that lie nearer to an even grid are taken to lie on it
 KEPT = 8  # compiled steps kept at a time
 _STEP = 1e-3  # of a frame or of the value itself, whichever is larger: step of a central difference
+BRIEF = 3000  # rows of a run that is over before long calls have paid for their making
 SETTLED = 1.5  # stiffness of friction may grow by this before a run gets more steps
 
 
@@ -55,7 +61,8 @@ class Replay:
     """A loop, the stimuli that drive it, and the times (n,) in s at which its signals are wanted.
 
     free: paths whose values the runs take. Values that shape the grid of a run (delays, periods) cost a new
-    compilation whenever they change; all others share one.
+    compilation whenever they change; all others share one. begins: rows at which states (element, state) are set
+    to values, in order; all others go on. substeps: of a frame; None: as many as the loop needs.
     """
 
     loop: Loop
@@ -63,6 +70,8 @@ class Replay:
     time: Array
     signals: tuple[str, ...]
     free: tuple[str, ...] = ()
+    begins: tuple[Begin, ...] = ()
+    substeps: int | None = None
     _compiled: dict[Any, Compiled] = field(default_factory=dict, repr=False)
     _parts: dict[Any, "Replay"] = field(default_factory=dict, repr=False)
 
@@ -70,7 +79,9 @@ class Replay:
     def frame(self) -> float:
         """The step of a run in s: the loop's frame, or the nearest shorter one that meets every row."""
         step = self._row_step
-        return step / math.ceil(step / self.loop.frame - 1e-6) if step else self.loop.frame
+        frame = step / math.ceil(step / self.loop.frame - 1e-6) if step else self.loop.frame
+        slewing = any(isinstance(element.block, RateLimiter) for element in self.loop.elements)
+        return frame / SLEWING if slewing else frame
 
     @cached_property
     def _row_step(self) -> float:
@@ -84,7 +95,29 @@ class Replay:
     def run(self, values: tuple[float, ...] = ()) -> Array:
         """(n, signals): the signals at the rows, for these values of the free paths."""
         compiled = self._prepared(values)
-        return self._rows(compiled, run(compiled, values)[1])
+        return self._rows(compiled, run(compiled, values, self._anew)[1])
+
+    def starts(self, values: tuple[float, ...]) -> tuple[Key, ...]:
+        """The continuous states (element, state) whose values at the beginning may be free."""
+        return self._prepared(values).model.layout.states
+
+    def run_with_starts(self, values: tuple[float, ...]) -> tuple[Array, Array]:
+        """(n, signals) and (n, signals, states): the signals and their derivatives by each of `starts`.
+
+        By the state's value at the last row where the run begins anew with it, or at the first row.
+        """
+        compiled = self._prepared(values)
+        states = compiled.model.layout.states
+        _, rows, slopes = run_with_derivatives(compiled, values, anew=self._anew, starts=states, by_values=False)
+        return self._rows(compiled, rows), self._rows(compiled, slopes)
+
+    @cached_property
+    def _anew(self) -> tuple[Anew, ...]:
+        """`begins` by frames: at the row's own, or the last one before it."""
+        return tuple(
+            Anew(int(self.time[row] / self.frame + EVEN), tuple(states), np.array(list(states.values())))
+            for row, states in self.begins
+        )
 
     def run_with_derivatives(self, values: tuple[float, ...]) -> tuple[Array, Array]:
         """(n, signals) and (n, signals, free): the signals at the rows and their derivatives by the free values.
@@ -97,7 +130,7 @@ class Replay:
         if smooth:
             chosen = tuple(values[k] for k in smooth)
             compiled = self._without_grid(values, shaping, smooth)._prepared(chosen)
-            _, table, found = run_with_derivatives(compiled, chosen)
+            _, table, found = run_with_derivatives(compiled, chosen, anew=self._anew)
             rows, slopes[:, :, smooth] = self._rows(compiled, table), self._rows(compiled, found)
         else:
             rows = self.run(values)
@@ -135,7 +168,10 @@ class Replay:
             duration = self.frame * math.ceil(float(self.time[-1]) / self.frame - EVEN)
             if len(self._compiled) > KEPT:
                 self._compiled.clear()
-            self._compiled[key] = compile_loop(framed, self.stimuli, duration=duration, free=self.free)
+            self._compiled[key] = compile_loop(
+                framed, self.stimuli, duration=duration, free=self.free, substeps=self.substeps,
+                short=any(row for row, _ in self.begins) or len(self.time) < BRIEF,
+            )  # fmt: skip
         return self._compiled[key]
 
     def _key(self, path: str, number: float) -> Any:

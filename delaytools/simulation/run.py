@@ -1,7 +1,8 @@
 """Run a compiled loop: externals sampled at every stage, calls mapped over chunks, rows gathered."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import final
 
 import casadi as ca
@@ -10,13 +11,14 @@ from numpy.typing import NDArray
 
 from delaytools.loop.loop import Loop
 from delaytools.signals.stimulus import Column, Stimulus, Zero
+from delaytools.simulation.anew import Anew, Reset, resets
 from delaytools.simulation.from_data import data_call
 from delaytools.simulation.physics import Physics, physics
 from delaytools.simulation.repeating import repeating_call
 from delaytools.simulation.timing import timing_of
 from delaytools.simulation.unroll import Call
 
-__all__ = ["Compiled", "compile_loop", "initial_state", "mapped_rows", "prepared_data", "run", "trimmed"]
+__all__ = ["Compiled", "call_at", "compile_loop", "initial_state", "mapped_rows", "prepared_data", "run", "trimmed"]
 
 Array = NDArray[np.float64]
 ROWS_PER_CHUNK = 500
@@ -42,8 +44,12 @@ def compile_loop(
     duration: float,
     free: tuple[str, ...] = (),
     substeps: int | None = None,
+    short: bool = False,
 ) -> Compiled:
-    """The loop as one CasADi step, for runs of `duration` s; values at the paths in `free` stay symbols."""
+    """The loop as one CasADi step, for runs of `duration` s; values at the paths in `free` stay symbols.
+
+    short: calls as short as the grid allows, so that a run can begin anew between any two of them.
+    """
     model = physics(loop, free)
     numeric = physics(loop) if free else model
     jumps = {name: np.asarray(stimuli[name].jumps) for name in model.layout.externals if name in stimuli}
@@ -51,7 +57,8 @@ def compile_loop(
     wakes = _wakes(numeric, stimuli, loop.frame)
     timing = timing_of(numeric, jumps, substeps=substeps, delays=delays, wakes=wakes)
     frames = round(duration / loop.frame)
-    call = repeating_call(model, timing) or data_call(model, timing, (frames + 1) * loop.frame)
+    end = (frames + 1) * loop.frame
+    call = repeating_call(model, timing, short=short) or data_call(model, timing, end, short=short)
     return Compiled(model, call, frames, loop.frame, stimuli)
 
 
@@ -75,13 +82,28 @@ def _column(model: Physics, name: str, stimuli: Mapping[str, Stimulus]) -> tuple
     return (stimulus.time, stimulus.values) if isinstance(stimulus, Column) else None
 
 
-def run(compiled: Compiled, values: tuple[float, ...] = ()) -> tuple[Array, Array]:
-    """(frames + 1,) s and (frames + 1, signals): the rows of the run, for the values of the free paths."""
+def run(
+    compiled: Compiled, values: tuple[float, ...] = (), anew: tuple[Anew, ...] = ()
+) -> tuple[Array, Array]:
+    """(frames + 1,) s and (frames + 1, signals): the rows of the run, for the values of the free paths.
+
+    anew: where states are set to other values on the way (compiled with `short`).
+    """
     state = np.asarray(initial_state(compiled, values)).ravel()
     driven = prepared_data(compiled), np.asarray(values, dtype=float)
-    rows = mapped_rows(compiled.call, compiled.call.function, state, driven)
+    new = resets(anew, compiled.model.layout.states, [call_at(compiled, one.frame) for one in anew], size=len(state))
+    rows = mapped_rows(compiled.call, compiled.call.function, state, driven, new)
     table = rows.reshape(-1, len(compiled.model.layout.signals))
     return compiled.frame * np.arange(compiled.frames + 1), trimmed(compiled, table)
+
+
+def call_at(compiled: Compiled, frame: int) -> int:
+    """The first call that begins at a frame, or after it."""
+    call = compiled.call
+    if call.copies:
+        return -(-frame // max(1, call.rows))
+    begun = np.flatnonzero(call.grid.row)
+    return -(-int(begun[min(frame, len(begun) - 1)]) // call.spans)
 
 
 def prepared_data(compiled: Compiled) -> Array:
@@ -145,30 +167,48 @@ def _at(compiled: Compiled, name: str, t: Array, shift: float) -> Array:
     return np.asarray(stimulus.value(t + jumpy), dtype=float)
 
 
-def mapped_rows(call: Call, function: ca.Function, state: Array, driven: tuple[Array, Array]) -> Array:
-    """(calls, numbers per call) what `function` gives call after call; driven: (data per call, free values)."""
+def mapped_rows(
+    call: Call, function: ca.Function, state: Array, driven: tuple[Array, Array], new: Sequence[Reset] = ()
+) -> Array:
+    """(calls, numbers per call) what `function` gives call after call; driven: (data per call, free values).
+
+    new: entries of the state that are set before some of the calls.
+    """
     data, p = driven
     most = ROWS_PER_CHUNK if call.copies else ROWS_PER_DATA_CHUNK
-    chunk = max(1, min(len(data), most // call.rows))
-    mapped = _densely(function).mapaccum(chunk)
+    edges = sorted({0, len(data), *(one.call for one in new if one.call < len(data))})
+    chunk = max(1, min(max(np.diff(edges)), most // call.rows))
+    key = (function.name(), function.size1_in(0), chunk)
+    mapped = call.once(key, lambda: _densely(function).mapaccum(chunk))
     buffer, evaluate = mapped.buffer()
-    calls = -(-len(data) // chunk) * chunk
-    fed = np.vstack([data, np.repeat(data[-1:], calls - len(data), axis=0)])
-    rows = np.empty((calls, mapped.size1_out(1)))
+    rows = np.empty((len(data), mapped.size1_out(1)))
+    given, made = np.empty((chunk, data.shape[1])), np.empty((chunk, mapped.size1_out(1)))
     states, spread = np.empty((chunk, mapped.size1_out(0))), np.tile(p, (chunk, 1))
     if p.size:
         buffer.set_arg(2, memoryview(spread))
+    if given.size:
+        buffer.set_arg(1, memoryview(given))
     buffer.set_res(0, memoryview(states))
-    for first in range(0, calls, chunk):
-        state = np.ascontiguousarray(state)
+    buffer.set_res(1, memoryview(made))
+    state = np.array(state, dtype=float)
+    for first, last in _pieces(edges, chunk):
+        for one in (one for one in new if one.call == first):
+            state[one.places] = one.values
         if state.size:
             buffer.set_arg(0, memoryview(state))
-        if fed.size:
-            buffer.set_arg(1, memoryview(fed[first : first + chunk]))
-        buffer.set_res(1, memoryview(rows[first : first + chunk]))
+        given[: last - first], given[last - first :] = data[first:last], data[last - 1]
         evaluate()
-        state = states[-1].copy()
-    return rows[: len(data)]
+        rows[first:last], state = made[: last - first], states[last - first - 1].copy()
+    return rows
+
+
+def _pieces(edges: Sequence[int], chunk: int) -> Sequence[tuple[int, int]]:
+    """(first, last) of pieces of at most `chunk` that meet every edge."""
+    return [
+        (first, min(first + chunk, end))
+        for begin, end in pairwise(edges)
+        for first in range(begin, end, chunk)
+    ]
 
 
 def _densely(function: ca.Function) -> ca.Function:

@@ -4,8 +4,10 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from delaytools.loop.network import Key
 from delaytools.signals.trouble import AnalysisError
-from delaytools.simulation.run import Compiled, initial_state, mapped_rows, prepared_data, trimmed
+from delaytools.simulation.anew import Anew, resets
+from delaytools.simulation.run import Compiled, call_at, initial_state, mapped_rows, prepared_data, trimmed
 from delaytools.simulation.unroll import Call
 
 __all__ = ["run_with_derivatives"]
@@ -13,22 +15,33 @@ __all__ = ["run_with_derivatives"]
 Array = NDArray[np.float64]
 
 
-def run_with_derivatives(compiled: Compiled, values: tuple[float, ...]) -> tuple[Array, Array, Array]:
-    """(n,) s, (n, signals) rows and (n, signals, free values) ∂row/∂value, by forward differentiation in CasADi.
+def run_with_derivatives(
+    compiled: Compiled,
+    values: tuple[float, ...],
+    *,
+    anew: tuple[Anew, ...] = (),
+    starts: tuple[Key, ...] = (),
+    by_values: bool = True,
+) -> tuple[Array, Array, Array]:
+    """(n,) s, (n, signals) rows and (n, signals, free values + starts) their derivatives, forward by CasADi.
 
     Exact for the compiled step, a free constant delay included (boundaries that a delay moves move with it), and
-    for initial states that are free values themselves or proportional to them.
+    for initial states that are free values themselves or proportional to them. anew: where states are set to other
+    values on the way. starts: states (element, state) by whose value at the last of these frames, or at t = 0, the
+    rows are differentiated too. by_values: whether by the free values at all.
     """
-    count = len(values)
-    if count != len(compiled.model.free):
-        raise AnalysisError("one value per free path", found=str(count), known=compiled.model.free)
-    state = np.asarray(initial_state(compiled, values)).ravel()
-    function = _with_tangents(compiled.call, count)
-    both = np.concatenate([state, *_initial_tangents(compiled, values)])
-    rows = mapped_rows(
-        compiled.call, function, both, (prepared_data(compiled), np.asarray(values, dtype=float))
-    )
-    table = _unpacked(rows, compiled, count)
+    if len(values) != len(compiled.model.free):
+        raise AnalysisError("one value per free path", found=str(len(values)), known=compiled.model.free)
+    count = len(values) if by_values else 0
+    state, layout = np.asarray(initial_state(compiled, values)).ravel(), compiled.model.layout.states
+    sizes = len(values), len(starts)
+    function = compiled.call.once((count, sizes), lambda: _with_tangents(compiled.call, count, sizes))
+    own = [np.eye(1, len(state), layout.index(one)).ravel() for one in starts]
+    both = np.concatenate([state, *(_initial_tangents(compiled, values) if count else ()), *own])
+    calls = [call_at(compiled, one.frame) for one in anew]
+    new = resets(anew, layout, calls, size=len(state), values=count, wanted=starts)
+    driven = prepared_data(compiled), np.asarray(values, dtype=float)
+    table = _unpacked(mapped_rows(compiled.call, function, both, driven, new), compiled, count + len(starts))
     time = compiled.frame * np.arange(compiled.frames + 1)
     return time, trimmed(compiled, table[:, 0]), np.moveaxis(trimmed(compiled, table[:, 1:]), 1, 2)
 
@@ -52,20 +65,23 @@ def _unpacked(rows: Array, compiled: Compiled, count: int) -> Array:
     return np.moveaxis(rows.reshape(-1, 1 + count, per_call, signals), 1, 2).reshape(-1, 1 + count, signals)
 
 
-def _with_tangents(call: Call, count: int) -> ca.Function:
-    """(state and tangents, data, p) -> (state and tangents, rows and their tangents)."""
+def _with_tangents(call: Call, count: int, sizes: tuple[int, int]) -> ca.Function:
+    """(state and tangents, data, p) -> (state and tangents, rows and their tangents).
+
+    count: tangents by the first values of p. sizes: of p, and how many tangents by starts follow.
+    """
+    size, starts = sizes
     function = call.function
     n, width = function.size1_in(0), function.size1_in(1)
-    both, data, p = ca.MX.sym("both", n * (1 + count)), ca.MX.sym("data", width), ca.MX.sym("p", count)
+    both, data, p = ca.MX.sym("both", n * (1 + count + starts)), ca.MX.sym("data", width), ca.MX.sym("p", size)
     state = both[:n]
     new, rows = function(state, data, p)
     tangent = function.forward(1)
     states, outputs = [new], [rows]
-    for k in range(count):
-        seed = np.zeros(count)
-        seed[k] = 1.0
+    for k in range(count + starts):
+        seed = np.eye(1, size, k).ravel() if k < count else np.zeros(size)
         moved = both[n * (1 + k) : n * (2 + k)]
         new_dot, rows_dot = tangent(state, data, p, new, rows, moved, ca.DM.zeros(width), seed)
         states.append(new_dot)
         outputs.append(rows_dot)
-    return ca.Function("tangents", [both, data, p], [ca.vertcat(*states), ca.vertcat(*outputs)])
+    return ca.Function(f"tangents_{count}", [both, data, p], [ca.vertcat(*states), ca.vertcat(*outputs)])

@@ -1,7 +1,6 @@
 """One segment with a planted effect and its log, small enough that a hypothesis is fitted in a moment."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from delaytools.design.build import build
 from delaytools.design.design import parse_design
@@ -36,6 +35,18 @@ output = "y"
 time_constant = "5 ms"
 """
 )
+DRIVE = """
+[signals]
+u = "N"
+v = "m/s"
+[blocks.drive]
+type = "equations"
+inputs = { u = "u" }
+states = { v = 0.0 }
+parameters = { mass = 1.0, viscous = 8.0 }
+rates = { v = "(u - viscous*v)/mass" }
+outputs = { v = "v" }
+"""
 
 
 def planted(
@@ -63,8 +74,3 @@ def _as_they_are(case: Case, added: tuple[Added, ...]) -> Fitted:
 def fitted(case: Case, *added: Added) -> Fitted:
     """A hypothesis fitted to the case."""
     return fit_hypothesis(case, added)
-
-
-def rows(case: Case) -> NDArray[np.float64]:
-    """Times of the log's rows."""
-    return case.records[0].time

@@ -12,6 +12,7 @@ from delaytools.effects.delay import DelayEffect
 from delaytools.effects.dropped_frames import DroppedFramesEffect
 from delaytools.effects.effect import Effect
 from delaytools.effects.flexible_mode import FlexibleModeEffect
+from delaytools.effects.formula import FormulaEffect
 from delaytools.effects.gain_drift import GainDriftEffect
 from delaytools.effects.lag import LagEffect
 from delaytools.effects.load_dependent_friction import LoadDependentFrictionEffect
@@ -26,6 +27,7 @@ from delaytools.effects.scale_factor import ScaleFactorEffect
 from delaytools.effects.stribeck_friction import StribeckFrictionEffect
 from delaytools.effects.transient_gain import TransientGainEffect
 from delaytools.effects.variable_delay import VariableDelayEffect
+from delaytools.signals.expression import Expression
 
 SIGNAL: dict[str, Effect] = {
     "delay": DelayEffect(delay=0.0123),
@@ -46,6 +48,12 @@ SIGNAL: dict[str, Effect] = {
     "interference": PeriodicInterferenceEffect(amplitude=0.05, frequency=12.0, phase=-1.0),
     "flexible mode": FlexibleModeEffect(gain=0.3, frequency=9.0, damping=0.05, source="position"),
     "coupling": CrossCouplingEffect(gain=0.2, source="gust"),
+    "formula": FormulaEffect(formula=Expression("u + k*u*abs(u)"), parameters={"k": 0.3}, neutral={"k": 0.0}),
+    "formula with time and a signal": FormulaEffect(
+        formula=Expression("u*(1 + a*t) + b*gust**2"),
+        parameters={"a": 0.1, "b": 0.2},
+        neutral={"a": 0.0, "b": 0.0},
+    ),
 }
 DERIVATIVE: dict[str, Effect] = {
     "constant disturbance": ConstantDisturbanceEffect(level=150.0),
@@ -56,6 +64,11 @@ DERIVATIVE: dict[str, Effect] = {
     "cubic damping": CubicDampingEffect(coefficient=-0.5),
     "quadratic drag": QuadraticDragEffect(coefficient=-3.0),
     "coupling of moments": CrossCouplingEffect(gain=200.0, source="gust"),
+    "formula of position and rate": FormulaEffect(
+        formula=Expression("c*x*abs(v) + d*gust*cos(t)"),
+        parameters={"c": -20.0, "d": 90.0},
+        neutral={"c": 0.0, "d": 0.0},
+    ),
 }
 OTHERS: dict[str, tuple[Effect, str]] = {
     "rate limit of the element": (RateLimitEffect(limit=2.0), "actuator.rate"),

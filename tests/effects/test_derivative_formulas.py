@@ -45,6 +45,7 @@ TERMS: dict[str, Callable[[float, float, float], float]] = {
     "cubic damping": lambda t, x, v: -0.5 * v**3,
     "quadratic drag": lambda t, x, v: -3.0 * v * abs(v),
     "coupling of moments": lambda t, x, v: 200.0 * gust(t),
+    "formula of position and rate": lambda t, x, v: -20.0 * x * abs(v) + 90.0 * gust(t) * np.cos(t),
 }
 
 

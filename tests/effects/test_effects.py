@@ -5,12 +5,13 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from delaytools.blocks.block import specifications
+from delaytools.blocks.block import flat_values, specifications
 from delaytools.blocks.first_order import FirstOrder
 from delaytools.effects.bias import BiasEffect
 from delaytools.effects.cubic_stiffness import CubicStiffnessEffect
 from delaytools.effects.dropped_frames import DroppedFramesEffect
 from delaytools.effects.effect import Effect
+from delaytools.effects.formula import FormulaEffect
 from delaytools.effects.parameter_change import ParameterChange
 from delaytools.effects.saturation import SaturationEffect
 from delaytools.effects.scale_factor import ScaleFactorEffect
@@ -37,6 +38,8 @@ def neutral(effect: Effect) -> Effect:
     """The effect at its neutral value."""
     if isinstance(effect, ParameterChange):
         return replace(effect, new=None)
+    if isinstance(effect, FormulaEffect):
+        return replace(effect, parameters=effect.neutral)
     specs = {n: s for n, s in specifications(effect).items() if s.neutral is not None}
     return replace(effect, **{n: s.neutral for n, s in specs.items() if getattr(effect, n) is not None})
 
@@ -74,9 +77,9 @@ def test_removed_it_is_gone(name: str, plain: dict[str, np.ndarray]) -> None:
 def test_every_value_has_its_path(name: str) -> None:
     effect, at = FAMILY[name]
     paths = value_paths(placed(servo("sampled"), effect, at, index=3))
-    for value, spec in specifications(effect).items():
-        if spec.unit != "name" and not (isinstance(effect, VariableDelayEffect) and effect.signal):
-            assert paths[f"effects.3.{value}"] == getattr(effect, value)
+    for value, number in flat_values(effect).items():
+        if not (isinstance(effect, VariableDelayEffect) and effect.signal):
+            assert paths[f"effects.3.{value}"] == number
 
 
 @pytest.mark.parametrize("effect", CLASSES, ids=lambda e: e.kind)
@@ -89,7 +92,7 @@ def test_knowledge_and_linearity(effect: Effect) -> None:
 
 def test_no_two_effects_say_the_same() -> None:
     kinds = [effect.kind for effect in CLASSES]
-    assert len(set(kinds)) == len(kinds) == 25
+    assert len(set(kinds)) == len(kinds) == 26
     for part in ("what", "cause", "margins", "check"):
         texts = [getattr(effect.knowledge, part) for effect in CLASSES]
         assert len(set(texts)) == len(texts), part

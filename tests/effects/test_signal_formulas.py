@@ -103,6 +103,8 @@ FORMULAS: dict[str, tuple[Callable[[Columns], Array], float]] = {
     "interference": (tone, 1e-13),
     "flexible mode": (mode, 1e-6),
     "coupling": (lambda c: c["measured"] + 0.2 * c["gust"], 1e-15),
+    "formula": (lambda c: c["measured"] + 0.3 * c["measured"] * np.abs(c["measured"]), 1e-12),
+    "formula with time and a signal": (lambda c: c["measured"] * (1 + 0.1 * c["t"]) + 0.2 * c["gust"] ** 2, 1e-12),
 }
 
 

@@ -1,0 +1,102 @@
+"""What drives a segment: measured columns, with or without the noise of their pick-off, and how rows are joined."""
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from delaytools.diagnosis.case import Case
+from delaytools.diagnosis.fitting import Fitted
+from delaytools.diagnosis.noise import Whitening
+from delaytools.diagnosis.noise_of import column_noise, noise_of
+from delaytools.signals.record import Record
+
+__all__ = ["driven_best", "nominal"]
+
+Array = NDArray[np.float64]
+CLEARLY = 0.98  # of the residual: below it another way of joining rows is taken
+
+
+def nominal(case: Case) -> Fitted:
+    parameters = case.parameters(())
+    return Fitted((), parameters, np.zeros(0), np.zeros((0, len(parameters))))
+
+
+def driven_best(
+    case: Case,
+    cleaned: tuple[dict[str, Array], ...],
+    moved: tuple[dict[str, Array], ...],
+    known: Mapping[str, Whitening],
+    written: Collection[str],
+) -> tuple[Case, dict[str, float | Whitening]]:
+    """Each noisy entry as measured or cleaned, whichever leaves less incoherent residual; and the entries' noise.
+
+    known: noise of cleaned columns. written: signals that a block of the design writes.
+    """
+    first = case.records[0]
+    noises: dict[str, float | Whitening] = {n: column_noise(first[n], n in first.held) for n in first.names}
+    noises |= {n: known[n] for n in cleaned[0]}
+    exact = {n for n in first.names if noises[n] == 0 and n not in first.held}
+    case = _joined_best(replace(case, outside=frozenset(first.names) - set(written)), exact, written)
+    sources = [n for n in cleaned[0] if n not in case.exits and n not in case.segment.entries]
+    case = _with_columns(case, cleaned, sources)
+    chosen: list[str] = []
+    for entry in (n for n in case.segment.entries if n in cleaned[0]):
+        tried = _with_columns(case, cleaned, [entry])
+        if _left_over(tried) < _left_over(case):
+            case, chosen = tried, [*chosen, entry]
+        else:
+            noises[entry] = 0.0
+    return replace(case, nuisance=_nuisance(case, chosen, moved)), noises
+
+
+def _joined_best(case: Case, exact: set[str], written: Collection[str]) -> Case:
+    """Rows of exact columns joined by a spline where a block writes them, by straight lines where they come from
+    outside; the other way round where that leaves clearly less."""
+    case = replace(case, smooth=case.smooth | (exact & set(written)), _replays={})
+    least = _rms_left(case)
+    for entry in (n for n in case.segment.entries if n in exact):
+        tried = replace(case, smooth=case.smooth ^ {entry}, _replays={})
+        left = _rms_left(tried)
+        if left < CLEARLY * least:
+            case, least = tried, left
+    return case
+
+
+def _rms_left(case: Case) -> float:
+    outputs = case.outputs((), nominal(case).values)
+    pairs = zip(case.measured, outputs, strict=True)
+    return float(np.mean([(m - y).std(axis=0) / np.maximum(m.std(axis=0), 1e-300) for m, y in pairs]))
+
+
+def _nuisance(case: Case, entries: Sequence[str], moved: tuple[dict[str, Array], ...]) -> tuple[Array, ...]:
+    """Per log (n, exits, k): the exits' response to each uncertain value of the segments that write the entries."""
+    ways = [(entry, k) for entry in entries for k in range(moved[0][entry].shape[1])]
+    if not ways:
+        return ()
+    fitted = nominal(case)
+    base = case.outputs((), fitted.values)
+    columns: list[list[Array]] = [[] for _ in base]
+    for entry, k in ways:
+        shifted = tuple(
+            {entry: r[entry] + new[entry][:, k]} for r, new in zip(case.records, moved, strict=True)
+        )
+        for log, rows in enumerate(_with_columns(case, shifted, [entry]).outputs((), fitted.values)):
+            columns[log].append(rows - base[log])
+    return tuple(np.stack(found, axis=2) for found in columns)
+
+
+def _left_over(case: Case) -> float:
+    silent = tuple(np.zeros(len(case.records[0])) for _ in case.exits)
+    found = noise_of(case, nominal(case), silent)
+    spread = [float(np.std(case.measured[0][:, j])) or 1.0 for j in range(len(found))]
+    return float(sum((one.rms / size) ** 2 for one, size in zip(found, spread, strict=True)))
+
+
+def _with_columns(case: Case, cleaned: tuple[dict[str, Array], ...], names: Sequence[str]) -> Case:
+    records = tuple(
+        Record(r.time, {**r.columns, **{n: new[n] for n in names}}, r.units, r.held, r.source)
+        for r, new in zip(case.records, cleaned, strict=True)
+    )
+    return replace(case, records=records, smooth=case.smooth | frozenset(names), _replays={})

@@ -1,0 +1,58 @@
+"""An effect that is not in the catalogue takes part in the search like one that is."""
+
+from dataclasses import dataclass
+from typing import final
+
+import pytest
+
+from delaytools.blocks.block import Scalar, value
+from delaytools.blocks.formula import FormulaBlock
+from delaytools.design.catalogue import with_effects
+from delaytools.diagnosis.added import Added
+from delaytools.diagnosis.fitting import fit_hypothesis
+from delaytools.diagnosis.own_candidates import own_candidates
+from delaytools.diagnosis.screen import base_of, screened
+from delaytools.diagnosis.views import case_view
+from delaytools.effects.effect import Effect, Knowledge, Place, insert_at
+from delaytools.loop.loop import Loop
+from delaytools.signals.expression import Expression
+from delaytools.signals.stimulus import Multisine
+from tests.diagnosis.small_cases import ACTUATOR, fitted, planted
+
+INPUT = Multisine(amplitude=2.0, from_frequency=0.3, to_frequency=8.0, lines=20)
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class BentEffect(Effect):
+    """y = u + bend u²."""
+
+    bend: Scalar = value(neutral=0.0)
+
+    kind = "bent"
+    acts_on = ("input", "output")
+    amplitude_dependent = False
+    knowledge = Knowledge("What.", "Cause.", "Margins.", "Check.")
+
+    def apply(self, loop: Loop, place: Place) -> Loop:
+        block = FormulaBlock(
+            formula=Expression("u + bend*u**2"), parameters={"bend": self.bend}, neutral={"bend": 0.0}
+        )
+        return insert_at(loop, place, self, block)
+
+
+def test_it_is_screened_and_fitted() -> None:
+    with with_effects(BentEffect):
+        case = planted(ACTUATOR, (Added("bent", "act.output", {"bend": 0.03}),), INPUT)
+        null = fitted(case)
+        found = screened(base_of(case, null), own_candidates(case_view(case, null)))
+        best = max(found, key=lambda one: one.gain)
+        assert best.added.kind == "bent" and best.added.at == "act.output"
+        after = fit_hypothesis(case, (best.added,), near=null)
+        assert after.added[0].values["bend"] == pytest.approx(0.03, rel=0.02)
+        assert after.chi2 < 1.1 * len(after.residual)
+
+
+def test_without_one_there_is_none() -> None:
+    case = planted(ACTUATOR, (), INPUT)
+    assert own_candidates(case_view(case, fitted(case))) == ()
