@@ -121,5 +121,6 @@ def case_view(case: Case, fitted: Fitted) -> View:
     for replay, record in zip(case.replays(fitted.added), case.records, strict=True):
         whole = replace(replay, signals=names, _compiled={}, _parts={})
         rows = whole.run(fitted.values)
-        found.append({**record.columns, **{name: rows[:, k] for k, name in enumerate(names)}})
+        read = {name: record[name.removesuffix("@read")] for name in loop.externals if name.endswith("@read")}
+        found.append({**record.columns, **read, **{name: rows[:, k] for k, name in enumerate(names)}})
     return View(case, tuple(found))
