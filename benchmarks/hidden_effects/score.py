@@ -195,19 +195,24 @@ def _line(name: str, some: Sequence[Verdict]) -> str:
     )
 
 
+def print_tables(cases: Path, diagnoses: Path) -> None:
+    """The tables over all cases of a folder that have a diagnosis."""
+    verdicts = []
+    for folder in sorted(p for p in cases.iterdir() if (p / "answer.json").exists()):
+        said = diagnoses / f"{folder.name}.json"
+        if said.exists():
+            answer = json.loads((folder / "answer.json").read_text(encoding="utf-8"))
+            verdicts.append(judge(answer, json.loads(said.read_text(encoding="utf-8")), folder / "run.csv"))
+    print(table(verdicts))
+
+
 def main() -> None:
     """Command line."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("cases", type=Path)
     parser.add_argument("diagnoses", type=Path)
     given = parser.parse_args()
-    verdicts = []
-    for folder in sorted(p for p in given.cases.iterdir() if (p / "answer.json").exists()):
-        said = given.diagnoses / f"{folder.name}.json"
-        if said.exists():
-            answer = json.loads((folder / "answer.json").read_text(encoding="utf-8"))
-            verdicts.append(judge(answer, json.loads(said.read_text(encoding="utf-8")), folder / "run.csv"))
-    print(table(verdicts))
+    print_tables(given.cases, given.diagnoses)
 
 
 if __name__ == "__main__":

@@ -72,7 +72,6 @@ class Case:
     numbers: tuple[Mapping[str, float], ...] = ()
     substeps: int | None = None
     _replays: dict[Any, tuple[Replay, ...]] = field(default_factory=dict, repr=False)
-    _starts: dict[Replay, Array] = field(default_factory=dict, repr=False)
 
     @property
     def exits(self) -> tuple[str, ...]:
@@ -115,7 +114,6 @@ class Case:
         if key not in self._replays:
             if len(self._replays) > 40:
                 self._replays.clear()
-                self._starts.clear()
             loop = with_added(self.segment.loop, added)
             free = tuple(p.path for p in self.parameters(added))
             self._replays[key] = tuple(self._replay(loop, free, log) for log in range(len(self.records)))
@@ -160,13 +158,8 @@ class Case:
         pairs = zip(self.measured, runs, strict=True)
         return tuple(m - one.without((m - y)[:, :, None])[:, :, 0] for m, (y, one) in pairs)
 
-    def _begun(self, log: int, replay: Replay, values: tuple[float, ...], *, fresh: bool = False) -> tuple[Array, Begun]:
-        """The exits as run, and what beginnings can do there: taken where the hypothesis was last differentiated."""
-        if fresh or replay not in self._starts:
-            rows, self._starts[replay] = replay.run_with_starts(values)
-        else:
-            rows = replay.run(values)
-        columns = self._starts[replay]
+    def _begun(self, log: int, replay: Replay, values: tuple[float, ...]) -> tuple[Array, Begun]:
+        rows, columns = replay.run_with_starts(values)
         anew = {state for _, states in self._begins[log] for state in states}
         own = np.array([state in anew for state in replay.starts(values)], dtype=bool)
         scale = np.array([float(np.std(self.measured[log][:, j])) or 1.0 for j in range(len(self.exits))])
@@ -228,7 +221,7 @@ class Case:
             return self.residual(tuple(y for y, _ in slopes)), -self.whitened(tuple(rows for _, rows in slopes))
         left, moved = [], []
         for log, (replay, (_, rows)) in enumerate(zip(replays, slopes, strict=True)):
-            y, begun = self._begun(log, replay, values, fresh=True)
+            y, begun = self._begun(log, replay, values)
             both = begun.without(np.concatenate([(self.measured[log] - y)[:, :, None], rows], axis=2))
             left.append(both[:, :, 0])
             moved.append(both[:, :, 1:])
