@@ -91,8 +91,8 @@ class Case:
 
     @property
     def step(self) -> float:
-        """Usual time between rows, s."""
-        return float(np.median(np.diff(self.records[0].time)))
+        """Usual time between rows, s; to 12 decimals, since periods that are multiples of it must meet the rows."""
+        return round(float(np.median(np.diff(self.records[0].time))), 12)
 
     @property
     def duration(self) -> float:

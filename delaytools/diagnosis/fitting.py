@@ -17,6 +17,7 @@ __all__ = ["Fitted", "fit_hypothesis"]
 Array = NDArray[np.float64]
 TOLERANCE = 1e-7
 _STEPS = 40
+_QUICK = 14  # evaluations of a fit that only ranks
 
 
 @final
@@ -93,7 +94,7 @@ def fit_hypothesis(
 
     found = estimate(
         residual, start, jacobian=lambda x: both(x)[1][keep], coloured=False, tolerance=tolerance,
-        evaluations=_STEPS,
+        evaluations=_STEPS if tolerance <= TOLERANCE else _QUICK,
     )  # fmt: skip
     whole, slopes = both(np.array([p.value for p in found.parameters]))
     return Fitted(_placed(added, found.parameters), found.parameters, whole, slopes)

@@ -11,7 +11,6 @@ from delaytools.diagnosis.screen import Base, Screened, base_of, response, scree
 from delaytools.diagnosis.spectra import interferences, modes
 from delaytools.diagnosis.starts import candidates
 from delaytools.diagnosis.stepwise import quantisations, with_period_fitted
-from delaytools.diagnosis.views import case_view
 from delaytools.diagnosis.windows import transients, with_edges_fitted
 
 __all__ = ["PENALTY", "proposals", "shortlisted"]
@@ -32,7 +31,7 @@ def _all(base: Base) -> list[Screened]:
     """Every candidate with what it could take off, the most first."""
     case, fitted = base.case, base.fitted
     places = spots(case.segment)
-    view = case_view(case, fitted)
+    view = base.view
     found = screened(base, candidates(view, places))
     found += interferences(base, places) + modes(base, view, places)
     found += transients(base, places)

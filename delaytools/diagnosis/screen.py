@@ -1,7 +1,8 @@
 """Finite-amplitude profiles: what each candidate could take off the residual, other free values allowed for."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import final
 
 import numpy as np
@@ -13,6 +14,9 @@ from delaytools.diagnosis.added import Added
 from delaytools.diagnosis.case import Case
 from delaytools.diagnosis.fitting import Fitted
 from delaytools.diagnosis.starts import LINEAR, Candidate
+from delaytools.diagnosis.views import View, case_view
+from delaytools.diagnosis.wires import Way, change_at, own_way, way_of
+from delaytools.loop.port import find_port
 from delaytools.signals.trouble import DelaytoolsError
 
 __all__ = ["Base", "Screened", "base_of", "response", "screened"]
@@ -41,6 +45,25 @@ class Base:
     outputs: tuple[Array, ...]
     basis: Array
     residual: Array
+    _ways: dict[str, Way | None] = field(default_factory=dict, repr=False)
+
+    @cached_property
+    def view(self) -> View:
+        """The segment's signals under the hypothesis."""
+        return case_view(self.case, self.fitted)
+
+    def moved_by(self, one: Added) -> tuple[Array, ...] | None:
+        """Per log (n, exits): how the exits move by what the effect changes in its wire; None where it has no wire."""
+        port = find_port(self.case.segment.loop, one.at)
+        if port.kind not in ("input", "output"):
+            return None
+        if one.at not in self._ways:
+            self._ways[one.at] = way_of(self.view, self.fitted, self.outputs, one, port)
+        way, element = self._ways[one.at], own_way(self.view, one)
+        if way is None or element is None:
+            return None
+        changes = change_at(self.view, port, element)
+        return None if changes is None else way.moved(changes)
 
     def projected(self, rows: Array) -> Array:
         """What of whitened rows the free values cannot imitate."""
@@ -69,6 +92,15 @@ def base_of(case: Case, fitted: Fitted) -> Base:
 
 def response(base: Base, one: Added) -> Array | None:
     """(rows,) whitened change of the exits when the effect is added at its values; None where the run fails."""
+    change = base.moved_by(one)
+    if change is None:
+        change = _simulated(base, one)
+    if change is None or not all(np.isfinite(rows).all() and np.abs(rows).max(initial=0) < 1e100 for rows in change):
+        return None
+    return base.case.whitened(change)
+
+
+def _simulated(base: Base, one: Added) -> tuple[Array, ...] | None:
     added = (*base.fitted.added, one)
     known = {p.path: p.value for p in base.fitted.parameters}
     values = tuple(known.get(p.path, p.value) for p in base.case.parameters(added))
@@ -76,10 +108,7 @@ def response(base: Base, one: Added) -> Array | None:
         outputs = base.case.outputs(added, values)
     except DelaytoolsError:
         return None
-    change = tuple(after - before for after, before in zip(outputs, base.outputs, strict=True))
-    if not all(np.isfinite(rows).all() and np.abs(rows).max(initial=0) < 1e100 for rows in change):
-        return None
-    return base.case.whitened(change)
+    return tuple(after - before for after, before in zip(outputs, base.outputs, strict=True))
 
 
 def screened(base: Base, candidates: Iterable[Candidate]) -> list[Screened]:

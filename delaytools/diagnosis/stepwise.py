@@ -82,13 +82,13 @@ def _best_step(base: Base, spot: Spot, signals: tuple[Array, ...]) -> Screened |
     if spread <= 0 or size <= 0 or (shown is None and not _above_noise(base.case, left)):
         return None
     steps = _steps(spread, 0.25 * size, (1.3 if shown is not None else 6.0) * size, _affordable(base))
-    gains = [_gain(base, spot, signals, step) for step in steps]
+    gains = [_gain(base, spot, step) for step in steps]
     top = int(np.argmax(gains))
     if gains[top] <= 0:
         return None
     apart = steps[top] - steps[top - 1] if top else steps[1] - steps[0]
     near = steps[top] + apart * np.linspace(-1, 1, 31)
-    fine = np.array([_gain(base, spot, signals, step) for step in near])
+    fine = np.array([_gain(base, spot, step) for step in near])
     best = int(np.argmax(fine))
     sure = near[fine > fine[best] - 4.0]
     error = max((sure[-1] - sure[0]) / 4, apart / 60)
@@ -119,17 +119,9 @@ def _steps(spread: float, low: float, high: float, most: int) -> Array:
     return np.array(found)
 
 
-def _gain(base: Base, spot: Spot, signals: tuple[Array, ...], step: float) -> float:
-    shown = _shown_at(base.case, spot.port)
-    if shown is None:
-        change = response(base, Added(spot.kind, str(spot.port), {"step": float(step)}))
-        return 0.0 if change is None else base.gain(change, 0.9, 1.1)[0]
-    rows = []
-    for u, outputs in zip(signals, base.outputs, strict=True):
-        moved = np.zeros_like(outputs)
-        moved[:, shown] = step * np.floor(u / step + 0.5) - u
-        rows.append(moved)
-    return base.gain(base.case.whitened(tuple(rows)), 0.9, 1.1)[0]
+def _gain(base: Base, spot: Spot, step: float) -> float:
+    change = response(base, Added(spot.kind, str(spot.port), {"step": float(step)}))
+    return 0.0 if change is None else base.gain(change, 0.9, 1.1)[0]
 
 
 def with_period_fitted(base: Base, one: Added, name: str = "period") -> Screened:

@@ -1,6 +1,7 @@
 """What a segment's signals do under a hypothesis: scales for the starting values of candidates."""
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import final
 
 import numpy as np
@@ -11,7 +12,10 @@ from delaytools.blocks.equations import Equations
 from delaytools.blocks.second_order import SecondOrder
 from delaytools.diagnosis.case import Case
 from delaytools.diagnosis.fitting import Fitted
+from delaytools.loop.network import network
 from delaytools.loop.port import Port
+from delaytools.loop.values import resolve
+from delaytools.signals.expression import Expression
 
 __all__ = ["View", "case_view"]
 
@@ -31,15 +35,39 @@ class View:
         """The signal at a port, per log: what enters it, what leaves it, or the rate there."""
         element = self.case.segment.loop[port.element]
         if port.kind == "input":
-            x = element.inputs[port.name]
-            named = self.case.segment.loop.parameters
-            return tuple(
-                np.asarray(x.evaluate({**named, **known}, CASADI), dtype=float) for known in self.signals
-            )
+            return tuple(self.evaluated(element.inputs[port.name], log) for log in range(len(self.signals)))
         if port.kind == "output":
             return tuple(known[element.outputs[port.name]] for known in self.signals)
         out = next(iter(element.outputs.values()))
         return tuple(np.gradient(known[out], self.case.step) for known in self.signals)
+
+    def evaluated(self, formula: Expression, log: int) -> Array:
+        """(n,): a combination of signals on one log."""
+        named = {**self.case.segment.loop.parameters, **self.signals[log]}
+        found = np.asarray(formula.evaluate(named, CASADI), dtype=float)
+        return np.broadcast_to(found, self.case.records[log].time.shape)
+
+    def is_held(self, port: Port) -> bool:
+        """Whether the signal at a port is constant between ticks."""
+        loop, record = self.case.segment.loop, self.case.records[0]
+        element = loop[port.element]
+        names = element.inputs[port.name].names if port.kind == "input" else (element.outputs[port.name],)
+        held = self._held | {n for n in loop.externals if n.removesuffix("@read") in record.held}
+        return all(name in held for name in names if name not in loop.parameters)
+
+    def is_exit(self, port: Port) -> bool:
+        """Whether the port's signal is measured as it leaves its block."""
+        element = self.case.segment.loop[port.element]
+        return port.kind == "output" and element.outputs[port.name] in self.case.exits
+
+    def before(self, port: Port, log: int) -> float:
+        """The signal at a port before the first row: 0 where held signals were at rest then."""
+        at_rest = self.is_held(port) and bool(self.case.at_rest & self.case.records[log].held)
+        return 0.0 if at_rest else float(self.at(port)[log][0])
+
+    @cached_property
+    def _held(self) -> frozenset[str]:
+        return network(resolve(self.case.segment.loop)).held_signals
 
     def spread(self, port: Port) -> tuple[float, float]:
         """Standard deviation and largest deviation from the mean of the signal at a port."""

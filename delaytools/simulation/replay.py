@@ -97,6 +97,12 @@ class Replay:
         compiled = self._prepared(values)
         return self._rows(compiled, run(compiled, values, self._anew)[1])
 
+    def run_driven(self, values: tuple[float, ...], stimuli: Mapping[str, Stimulus]) -> Array:
+        """The run with other stimuli in the place of some, of the same kind: nothing is compiled anew."""
+        compiled = self._prepared(values)
+        driven = replace(compiled, stimuli={**compiled.stimuli, **stimuli})
+        return self._rows(compiled, run(driven, values, self._anew)[1])
+
     def starts(self, values: tuple[float, ...]) -> tuple[Key, ...]:
         """The continuous states (element, state) whose values at the beginning may be free."""
         return self._prepared(values).model.layout.states

@@ -1,0 +1,268 @@
+"""What an effect in a wire does to the exits: what it changes at its port, sent through the rest of the segment.
+
+Where the segment behind the port is linear and the same at all times (checked, not assumed) the change is convolved
+with the response to a pulse; elsewhere the one simulation runs with the change put in as a column. Either way the
+effect itself need not be compiled into the loop. For starting values: between rows the change is a broken line (a
+staircase where the signal is held), which the effect's own change need not be.
+"""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import final
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+from scipy.fft import next_fast_len
+from scipy.signal import lfilter
+
+from delaytools.blocks.block import Block, Continuous, Follower
+from delaytools.blocks.delay import Delay
+from delaytools.blocks.lag import Lag
+from delaytools.blocks.rate_limiter import RateLimiter
+from delaytools.blocks.sample_hold import SampleHold
+from delaytools.diagnosis.added import Added, with_added
+from delaytools.diagnosis.case import Case
+from delaytools.diagnosis.fitting import Fitted
+from delaytools.diagnosis.views import View
+from delaytools.loop.loop import Element, Loop
+from delaytools.loop.port import Port
+from delaytools.signals.record import Record
+from delaytools.simulation.replay import Replay
+
+__all__ = ["Way", "change_at", "own_way", "way_of"]
+
+Array = NDArray[np.float64]
+PROBE = "probe@wire"
+SAME = 1e-8  # of the largest response: nearer than this, two responses are one
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Way:
+    """From a port to the exits of a case under a fitted hypothesis.
+
+    outputs: of the hypothesis, per log. held: whether what is put in is a staircase.
+    """
+
+    case: Case
+    fitted: Fitted
+    port: Port
+    outputs: tuple[Array, ...]
+    held: bool
+
+    def simulated(self, changes: tuple[Array, ...]) -> tuple[Array, ...]:
+        """Per log (n, exits): how the exits move when the signal at the port is changed by (n,), by the simulation."""
+        return tuple(
+            replay.run_driven(self._values(replay), self._put_in(log, rows)) - self.outputs[log]
+            for log, (replay, rows) in enumerate(zip(self._replays, changes, strict=True))
+        )
+
+    def convolved(self, changes: tuple[Array, ...]) -> tuple[Array, ...] | None:
+        """The same by convolution; None where the way is not linear or not the same at all times."""
+        if self._pulses is None:
+            return None
+        found = []
+        for rows, (first, later) in zip(changes, self._pulses, strict=True):
+            size = next_fast_len(2 * len(rows), real=True)
+            rest = np.concatenate([[0.0], rows[1:]])
+            sent = np.fft.irfft(np.fft.rfft(rest, size)[:, None] * np.fft.rfft(later, size, axis=0), size, axis=0)
+            found.append(sent[: len(rows)] + rows[0] * first)
+        return tuple(found)
+
+    def moved(self, changes: tuple[Array, ...]) -> tuple[Array, ...]:
+        """By convolution where that is the same, else by the simulation."""
+        found = self.convolved(changes)
+        return self.simulated(changes) if found is None else found
+
+    @cached_property
+    def _probe(self) -> Added:
+        return Added("cross_coupling", str(self.port), {"gain": 1.0}, {"source": PROBE}, frozenset({"gain"}))
+
+    @cached_property
+    def _replays(self) -> tuple[Replay, ...]:
+        empty = tuple(np.zeros(len(r)) for r in self.case.records)
+        records = tuple(self._carrying(log, rows) for log, rows in enumerate(empty))
+        probed = replace(self.case, records=records, _replays={})
+        return probed.replays((*self.fitted.added, self._probe))
+
+    def _values(self, replay: Replay) -> tuple[float, ...]:
+        known = {p.path: p.value for p in self.fitted.parameters}
+        return tuple(known[path] for path in replay.free)
+
+    def _carrying(self, log: int, rows: Array) -> Record:
+        record = self.case.records[log]
+        held = record.held | {PROBE} if self.held else record.held
+        return Record(record.time, {**record.columns, PROBE: rows}, record.units, held, record.source)
+
+    def _put_in(self, log: int, rows: Array) -> object:
+        return self.case.stimuli_for(self._carrying(log, rows), (PROBE,))
+
+    @cached_property
+    def _pulses(self) -> tuple[tuple[Array, Array], ...] | None:
+        """Per log: responses (n, exits) to a pulse of 1 at row 0, and at any later row, counted from there."""
+        found = []
+        for log, record in enumerate(self.case.records):
+            count = len(record)
+            size = float(np.std(self.case.measured[log])) or 1.0
+            late = count // 2 + 7
+            first, second, third = (
+                self._pulse(log, row, height) for row, height in ((0, size), (1, size), (late, -2 * size))
+            )
+            later = np.vstack([second[1:], np.zeros((1, second.shape[1]))])
+            most = float(np.abs(later).max(initial=0.0))
+            shifted = np.vstack([np.zeros((late, later.shape[1])), later[: count - late]])
+            off = np.abs(third - shifted)[: count - 1]
+            off[late - 1] = 0.0  # the way up to the pulse
+            if not np.isfinite(most) or off.max(initial=0.0) > SAME * most:
+                return None
+            found.append((first, later))
+        return tuple(found)
+
+    def _pulse(self, log: int, row: int, height: float) -> Array:
+        rows = np.zeros(len(self.case.records[log]))
+        rows[row] = height
+        replay = self._replays[log]
+        moved = replay.run_driven(self._values(replay), self._put_in(log, rows)) - self.outputs[log]
+        return np.asarray(moved / height)
+
+
+def way_of(view: View, fitted: Fitted, outputs: tuple[Array, ...], one: Added, port: Port) -> Way | None:
+    """The way that the effect's change takes; None where it must be run in the loop itself.
+
+    That is where it does not stand in a wire, where another effect stands there already, where the wire goes round
+    a loop inside the segment, and where logs are in pieces.
+    """
+    case = view.case
+    if port.kind not in ("input", "output") or case.pieces or _is_round(case.segment.loop, port):
+        return None
+    if any(other.at == one.at for other in fitted.added):
+        return None
+    return Way(case, fitted, port, outputs, view.is_held(port))
+
+
+def own_way(view: View, one: Added) -> Element | None:
+    """The element that the effect puts into the wire."""
+    loop = with_added(view.case.segment.loop, (one,))
+    return next((element for element in loop.elements if element.name == one.name), None)
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class _Wire:
+    """Where an effect stands: rows (s), the signal before them, whether it is held, and whether it is measured there."""
+
+    time: Array
+    before: float
+    held: bool
+    shown: bool
+
+    @property
+    def step(self) -> float:
+        """Time between rows, s."""
+        return float(self.time[-1] - self.time[0]) / max(len(self.time) - 1, 1)
+
+
+def change_at(view: View, port: Port, element: Element) -> tuple[Array, ...] | None:
+    """Per log (n,) what the effect changes at its port; None for what has no rule.
+
+    Where the signal is held: the mean from each row to the next. Elsewhere: the value at each row; what jumps within
+    the segment is there the broken line about it.
+    """
+    found = []
+    for log, u in enumerate(view.at(port)):
+        time = view.case.records[log].time - view.case.records[log].time[0]
+        more = tuple(view.evaluated(element.inputs[name], log) for name in element.block.inputs[1:])
+        wire = _Wire(time, view.before(port, log), view.is_held(port), view.is_exit(port))
+        rows = _passed(element.block, (u, *more), wire)
+        if rows is None:
+            return None
+        found.append(rows - u)
+    return tuple(found)
+
+
+def _passed(block: Block, inputs: tuple[Array, ...], wire: _Wire) -> Array | None:
+    u, step = inputs[0], wire.step
+    match block:
+        case Continuous(states=()):
+            return _mapped(block, wire.time, inputs)
+        case Lag(time_constant=lag) if lag > 0:
+            return _lagged(u, float(lag), step, wire.held)
+        case Delay(delay=delay):
+            return _late(u, float(delay), wire)
+        case SampleHold(period=period):
+            rows = u[np.searchsorted(wire.time, np.floor(wire.time / period + 1e-9) * period - 1e-9)]
+            return rows if wire.held or wire.shown else _centred(rows)
+        case RateLimiter():
+            driven = np.concatenate([[wire.before], u[:-1]]) if wire.held else u
+            rows = _followed(block, driven, (wire.before, step))
+            return _to_next(rows) if wire.held else rows
+        case Follower():
+            return _followed(block, u, (wire.before, step))
+    return None
+
+
+def _mapped(block: Continuous, time: Array, inputs: tuple[Array, ...]) -> Array:
+    symbols = [ca.SX.sym(name) for name in block.inputs]
+    t = ca.SX.sym("t")
+    formula = ca.Function("formula", [t, *symbols], [block.output(t, [], symbols)[0]])
+    return np.asarray(formula.map(len(time))(time[None, :], *(u[None, :] for u in inputs))).ravel()
+
+
+def _followed(block: Follower, u: Array, past: tuple[float, float]) -> Array:
+    before, step = past
+    memory, x = ca.SX.sym("memory"), ca.SX.sym("u")
+    formula = ca.Function("follow", [memory, x], [block.follow(memory, x, step)])
+    start = before if block.start is None else block.start
+    return np.asarray(formula.mapaccum(len(u))(start, u[None, :])).ravel()
+
+
+def _lagged(u: Array, lag: float, step: float, held: bool) -> Array:
+    """The lag from 0, exactly for a staircase or a broken line."""
+    keep = np.exp(-step / lag)
+    if held:
+        rows = np.asarray(lfilter([0.0, 1 - keep], [1.0, -keep], u))
+        return np.asarray(u + (rows - u) * lag / step * (1 - keep))
+    ramp = 1 - lag / step * (1 - keep)
+    rows = lfilter([ramp, 1 - keep - ramp], [1.0, -keep], u)
+    return np.asarray(rows - ramp * u[0] * keep ** np.arange(len(u)))
+
+
+def _late(u: Array, delay: float, wire: _Wire) -> Array:
+    if not wire.held:
+        return np.asarray(np.interp(wire.time - delay, wire.time, u))
+    rows = delay / wire.step
+    whole, part = int(rows), rows - int(rows)
+    ahead, behind = (np.concatenate([np.full(k, wire.before), u])[: len(u)] for k in (whole, whole + 1))
+    return np.asarray((1 - part) * ahead + part * behind)
+
+
+def _centred(rows: Array) -> Array:
+    """A staircase as the broken line with the same area about every row."""
+    return 0.5 * (rows + np.concatenate([rows[:1], rows[:-1]]))
+
+
+def _to_next(rows: Array) -> Array:
+    """The mean from each row to the next."""
+    return 0.5 * (rows + np.concatenate([rows[1:], rows[-1:]]))
+
+
+def _is_round(loop: Loop, port: Port) -> bool:
+    """Whether what leaves the port's block comes back to it inside the loop."""
+    writers = loop.writers
+    waiting, seen = list(_read_by(loop[port.element])), set[str]()
+    while waiting:
+        signal = waiting.pop()
+        if signal in seen or signal not in writers:
+            continue
+        seen.add(signal)
+        name = writers[signal][0]
+        if name == port.element:
+            return True
+        waiting.extend(_read_by(loop[name]))
+    return False
+
+
+def _read_by(element: Element) -> tuple[str, ...]:
+    wired = [name for x in element.inputs.values() for name in x.names]
+    return (*wired, *(name for placed in element.modifiers for name in placed.sources))
