@@ -213,6 +213,11 @@ class Case:
             found[first:last] = self.whitening[exit].apply(rows[first:last])
         return found
 
+    def unfiltered(self, rows: Array, log: int) -> Array:
+        """(n, exits): the adjoint of the filters on the rows (rows,) of one log, which are in one piece."""
+        chosen = [rows[(self.rows.log == log) & (self.rows.exit == j)] for j in range(len(self.exits))]
+        return np.stack([f.apply(part[::-1])[::-1] for f, part in zip(self.whitening, chosen, strict=True)], axis=1)
+
     def with_derivatives(self, added: tuple[Added, ...], values: tuple[float, ...]) -> tuple[Array, Array]:
         """(rows,) whitened residual and (rows, free): its derivative by each free value."""
         replays = self.replays(added)

@@ -16,7 +16,7 @@ __all__ = ["Fitted", "fit_hypothesis"]
 
 Array = NDArray[np.float64]
 TOLERANCE = 1e-7
-_STEPS = 40
+_STEPS = 24
 _QUICK = 14  # evaluations of a fit that only ranks
 
 

@@ -52,17 +52,18 @@ class Base:
         """The segment's signals under the hypothesis."""
         return case_view(self.case, self.fitted)
 
+    def way(self, at: str) -> Way | None:
+        """The way from a port to the exits, where an effect in a wire there need not be run in the loop itself."""
+        if at not in self._ways:
+            self._ways[at] = way_of(self.view, self.fitted, self.outputs, find_port(self.case.segment.loop, at))
+        return self._ways[at]
+
     def moved_by(self, one: Added) -> tuple[Array, ...] | None:
-        """Per log (n, exits): how the exits move by what the effect changes in its wire; None where it has no wire."""
-        port = find_port(self.case.segment.loop, one.at)
-        if port.kind not in ("input", "output"):
-            return None
-        if one.at not in self._ways:
-            self._ways[one.at] = way_of(self.view, self.fitted, self.outputs, one, port)
-        way, element = self._ways[one.at], own_way(self.view, one)
+        """Per log (n, exits): how the exits move by what the effect changes in its wire; None where it has no way."""
+        way, element = self.way(one.at), own_way(self.view, one)
         if way is None or element is None:
             return None
-        changes = change_at(self.view, port, element)
+        changes = change_at(self.view, way.port, element)
         return None if changes is None else way.moved(changes)
 
     def projected(self, rows: Array) -> Array:

@@ -81,8 +81,12 @@ def _best_step(base: Base, spot: Spot, signals: tuple[Array, ...]) -> Screened |
     size = np.sqrt(12) * (float(left[:, shown].std()) if shown is not None else share * spread)
     if spread <= 0 or size <= 0 or (shown is None and not _above_noise(base.case, left)):
         return None
-    steps = _steps(spread, 0.25 * size, (1.3 if shown is not None else 6.0) * size, _affordable(base))
-    gains = [_gain(base, spot, step) for step in steps]
+    way = base.way(str(spot.port))
+    if way is None:
+        return None
+    steps = _steps(spread, 0.25 * size, (1.3 if shown is not None else 6.0) * size, MOST_STEPS)
+    weights = way.weights(base.residual)
+    gains = [_speaking_for(step, signals, weights) for step in steps]
     top = int(np.argmax(gains))
     if gains[top] <= 0:
         return None
@@ -106,9 +110,13 @@ def _above_noise(case: Case, left: Array) -> bool:
     )
 
 
-def _affordable(base: Base) -> int:
-    """Fewer steps where friction makes every run long."""
-    return MOST_STEPS // 5 if any("smoothing" in one.values for one in base.fitted.added) else MOST_STEPS
+def _speaking_for(step: float, signals: tuple[Array, ...], weights: tuple[Array, ...]) -> float:
+    """How well what a quantiser changes goes with the residual, over its own size (which is what white noise has)."""
+    up, power = 0.0, 0.0
+    for u, w in zip(signals, weights, strict=True):
+        change = step * np.floor(u / step + 0.5) - u
+        up, power = up + float(change @ w), power + float(change @ change)
+    return max(up, 0.0) ** 2 / power if power > 0 else 0.0
 
 
 def _steps(spread: float, low: float, high: float, most: int) -> Array:

@@ -10,8 +10,10 @@ from numpy.typing import NDArray
 from delaytools.blocks.block import CASADI
 from delaytools.blocks.equations import Equations
 from delaytools.blocks.second_order import SecondOrder
+from delaytools.diagnosis.added import with_added
 from delaytools.diagnosis.case import Case
 from delaytools.diagnosis.fitting import Fitted
+from delaytools.loop.loop import Loop
 from delaytools.loop.network import network
 from delaytools.loop.port import Port
 from delaytools.loop.values import resolve
@@ -26,14 +28,15 @@ FOLLOWED = 0.9  # correlation with an exit
 @final
 @dataclass(frozen=True, eq=False)
 class View:
-    """Signals of a segment and of the log by name, per log (n,); step in s."""
+    """Signals of a segment and of the log by name, per log (n,); loop: the segment's with the hypothesis in it."""
 
     case: Case
+    loop: Loop
     signals: tuple[dict[str, Array], ...]
 
     def at(self, port: Port) -> tuple[Array, ...]:
         """The signal at a port, per log: what enters it, what leaves it, or the rate there."""
-        element = self.case.segment.loop[port.element]
+        element = self.loop[port.element] if port.kind == "input" else self.case.segment.loop[port.element]
         if port.kind == "input":
             return tuple(self.evaluated(element.inputs[port.name], log) for log in range(len(self.signals)))
         if port.kind == "output":
@@ -49,9 +52,9 @@ class View:
 
     def is_held(self, port: Port) -> bool:
         """Whether the signal at a port is constant between ticks."""
-        loop, record = self.case.segment.loop, self.case.records[0]
-        element = loop[port.element]
-        names = element.inputs[port.name].names if port.kind == "input" else (element.outputs[port.name],)
+        loop, record = self.loop, self.case.records[0]
+        wired = loop[port.element].inputs
+        names = wired[port.name].names if port.kind == "input" else self.case.segment.loop[port.element].outputs.values()
         held = self._held | {n for n in loop.externals if n.removesuffix("@read") in record.held}
         return all(name in held for name in names if name not in loop.parameters)
 
@@ -67,7 +70,7 @@ class View:
 
     @cached_property
     def _held(self) -> frozenset[str]:
-        return network(resolve(self.case.segment.loop)).held_signals
+        return network(resolve(self.loop)).held_signals
 
     def spread(self, port: Port) -> tuple[float, float]:
         """Standard deviation and largest deviation from the mean of the signal at a port."""
@@ -144,11 +147,26 @@ class View:
 def case_view(case: Case, fitted: Fitted) -> View:
     """All signals of the segment under a fitted hypothesis, with the log's own columns."""
     loop = case.segment.loop
-    names = tuple(name for name in loop.signals if name in loop.writers and "@" not in name)
+    shown = _named(with_added(loop, fitted.added))
+    names = tuple(name for name in shown.signals if name in shown.writers)
     found = []
     for replay, record in zip(case.replays(fitted.added), case.records, strict=True):
-        whole = replace(replay, signals=names, _compiled={}, _parts={})
+        whole = replace(replay, loop=_named(replay.loop), signals=names, _compiled={}, _parts={})
         rows = whole.run(fitted.values)
         read = {name: record[name.removesuffix("@read")] for name in loop.externals if name.endswith("@read")}
         found.append({**record.columns, **read, **{name: rows[:, k] for k, name in enumerate(names)}})
-    return View(case, tuple(found))
+    return View(case, shown, tuple(found))
+
+
+def _named(loop: Loop) -> Loop:
+    """The loop with names for the joints between effects and blocks, so that they are signals like others."""
+    joints = {s: f"joint_{k}" for k, s in enumerate(loop.writers) if "." in s}
+    elements = tuple(
+        replace(
+            e,
+            inputs={port: x.renamed(joints) for port, x in e.inputs.items()},
+            outputs={port: joints.get(s, s) for port, s in e.outputs.items()},
+        )
+        for e in loop.elements
+    )
+    return replace(loop, elements=elements)

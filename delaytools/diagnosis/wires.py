@@ -60,7 +60,7 @@ class Way:
 
     def convolved(self, changes: tuple[Array, ...]) -> tuple[Array, ...] | None:
         """The same by convolution; None where the way is not linear or not the same at all times."""
-        if self._pulses is None:
+        if not self.is_quick:
             return None
         found = []
         for rows, (first, later) in zip(changes, self._pulses, strict=True):
@@ -68,6 +68,24 @@ class Way:
             rest = np.concatenate([[0.0], rows[1:]])
             sent = np.fft.irfft(np.fft.rfft(rest, size)[:, None] * np.fft.rfft(later, size, axis=0), size, axis=0)
             found.append(sent[: len(rows)] + rows[0] * first)
+        return tuple(found)
+
+    @cached_property
+    def is_quick(self) -> bool:
+        """Whether the convolution holds: two pulses at other times and of other sizes are answered alike."""
+        return all(self._alike(log, later) for log, (_, later) in enumerate(self._pulses))
+
+    def weights(self, residual: Array) -> tuple[Array, ...]:
+        """Per log (n,): by how much a change of 1 at each row moves the exits along a whitened residual (rows,).
+
+        The adjoint of the convolution; where the way is not linear, of its answer to the first pulse.
+        """
+        found = []
+        for log, (_, later) in enumerate(self._pulses):
+            size = next_fast_len(2 * len(later), real=True)
+            parts = self.case.unfiltered(residual, log)
+            sent = np.fft.irfft(np.fft.rfft(later, size, axis=0).conj() * np.fft.rfft(parts, size, axis=0), size, axis=0)
+            found.append(sent[: len(later)].sum(axis=1))
         return tuple(found)
 
     def moved(self, changes: tuple[Array, ...]) -> tuple[Array, ...]:
@@ -99,25 +117,25 @@ class Way:
         return self.case.stimuli_for(self._carrying(log, rows), (PROBE,))
 
     @cached_property
-    def _pulses(self) -> tuple[tuple[Array, Array], ...] | None:
-        """Per log: responses (n, exits) to a pulse of 1 at row 0, and at any later row, counted from there."""
+    def _pulses(self) -> tuple[tuple[Array, Array], ...]:
+        """Per log: responses (n, exits) to a pulse of 1 at row 0, and at row 1, counted from there."""
         found = []
-        for log, record in enumerate(self.case.records):
-            count = len(record)
-            size = float(np.std(self.case.measured[log])) or 1.0
-            late = count // 2 + 7
-            first, second, third = (
-                self._pulse(log, row, height) for row, height in ((0, size), (1, size), (late, -2 * size))
-            )
-            later = np.vstack([second[1:], np.zeros((1, second.shape[1]))])
-            most = float(np.abs(later).max(initial=0.0))
-            shifted = np.vstack([np.zeros((late, later.shape[1])), later[: count - late]])
-            off = np.abs(third - shifted)[: count - 1]
-            off[late - 1] = 0.0  # the way up to the pulse
-            if not np.isfinite(most) or off.max(initial=0.0) > SAME * most:
-                return None
-            found.append((first, later))
+        for log in range(len(self.case.records)):
+            first, second = (self._pulse(log, row, self._size(log)) for row in (0, 1))
+            found.append((first, np.vstack([second[1:], np.zeros((1, second.shape[1]))])))
         return tuple(found)
+
+    def _alike(self, log: int, later: Array) -> bool:
+        """Whether a pulse in the middle of the log, the other way and twice as high, is answered as the first one."""
+        count = len(later)
+        row, most = count // 2 + 7, float(np.abs(later).max(initial=0.0))
+        shifted = np.vstack([np.zeros((row, later.shape[1])), later[: count - row]])
+        off = np.abs(self._pulse(log, row, -2 * self._size(log)) - shifted)[: count - 1]
+        off[row - 1] = 0.0  # the way up to the pulse
+        return bool(np.isfinite(most) and off.max(initial=0.0) <= SAME * most)
+
+    def _size(self, log: int) -> float:
+        return float(np.std(self.case.measured[log])) or 1.0
 
     def _pulse(self, log: int, row: int, height: float) -> Array:
         rows = np.zeros(len(self.case.records[log]))
@@ -127,16 +145,14 @@ class Way:
         return np.asarray(moved / height)
 
 
-def way_of(view: View, fitted: Fitted, outputs: tuple[Array, ...], one: Added, port: Port) -> Way | None:
+def way_of(view: View, fitted: Fitted, outputs: tuple[Array, ...], port: Port) -> Way | None:
     """The way that the effect's change takes; None where it must be run in the loop itself.
 
-    That is where it does not stand in a wire, where another effect stands there already, where the wire goes round
-    a loop inside the segment, and where logs are in pieces.
+    That is where it does not stand in a wire, where the wire goes round a loop inside the segment, and where logs are
+    in pieces.
     """
     case = view.case
     if port.kind not in ("input", "output") or case.pieces or _is_round(case.segment.loop, port):
-        return None
-    if any(other.at == one.at for other in fitted.added):
         return None
     return Way(case, fitted, port, outputs, view.is_held(port))
 

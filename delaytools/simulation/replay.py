@@ -28,7 +28,7 @@ Begin = tuple[int, Mapping[Key, float]]  # row, and the states' values there
 SLEWING = 4  # steps per frame where a slew limit may end its ramp within one
 EVEN = 1e-3  # of the usual step: rows that lie nearer to an even grid are taken to lie on it
 KEPT = 8  # compiled steps kept at a time
-_STEP = 1e-3  # of a frame or of the value itself, whichever is larger: step of a central difference
+_STEP = 1e-3  # of a frame or of the value itself, whichever is larger: step of a difference
 BRIEF = 3000  # rows of a run that is over before long calls have paid for their making
 SETTLED = 1.5  # stiffness of friction may grow by this before a run gets more steps
 
@@ -128,7 +128,7 @@ class Replay:
     def run_with_derivatives(self, values: tuple[float, ...]) -> tuple[Array, Array]:
         """(n, signals) and (n, signals, free): the signals at the rows and their derivatives by the free values.
 
-        CasADi's own derivatives of the compiled step; central differences for values that shape the grid.
+        CasADi's own derivatives of the compiled step; forward differences for values that shape the grid.
         """
         shaping = [index for index, path in enumerate(self.free) if path in self._grid_paths]
         smooth = [index for index in range(len(self.free)) if index not in shaping]
@@ -141,7 +141,7 @@ class Replay:
         else:
             rows = self.run(values)
         for index in shaping:
-            slopes[:, :, index] = self._difference(values, index)
+            slopes[:, :, index] = self._difference(values, index, rows)
         return rows, slopes
 
     def _without_grid(self, values: tuple[float, ...], shaping: list[int], smooth: list[int]) -> "Replay":
@@ -157,13 +157,11 @@ class Replay:
             self._parts[key] = replace(self, loop=loop, free=free, _compiled={}, _parts={})
         return self._parts[key]
 
-    def _difference(self, values: tuple[float, ...], index: int) -> Array:
+    def _difference(self, values: tuple[float, ...], index: int, rows: Array) -> Array:
+        """By a forward difference: every other value of what shapes the grid is a new compilation."""
         step = _STEP * max(self.frame, abs(values[index]))
-        step = min(step, 0.5 * abs(values[index])) or step
-        ends = [
-            self.run((*values[:index], values[index] + side, *values[index + 1 :])) for side in (step, -step)
-        ]
-        return (ends[0] - ends[1]) / (2 * step)
+        moved = self.run((*values[:index], values[index] + step, *values[index + 1 :]))
+        return (moved - rows) / step
 
     def _prepared(self, values: tuple[float, ...]) -> Compiled:
         numbers = dict(zip(self.free, values, strict=True))
