@@ -34,6 +34,7 @@ __all__ = ["Way", "change_at", "own_way", "way_of"]
 
 Array = NDArray[np.float64]
 PROBE = "probe@wire"
+CHUNK = 500  # rows: making a longer chain of calls costs more than calling a short one often
 SAME = 1e-8  # of the largest response: nearer than this, two responses are one
 
 
@@ -219,18 +220,27 @@ def _passed(block: Block, inputs: tuple[Array, ...], wire: _Wire) -> Array | Non
 
 
 def _mapped(block: Continuous, time: Array, inputs: tuple[Array, ...]) -> Array:
-    symbols = [ca.SX.sym(name) for name in block.inputs]
-    t = ca.SX.sym("t")
-    formula = ca.Function("formula", [t, *symbols], [block.output(t, [], symbols)[0]])
-    return np.asarray(formula.map(len(time))(time[None, :], *(u[None, :] for u in inputs))).ravel()
+    """The block's own formula on all rows at once."""
+    found = block.output(ca.DM(time), [], [ca.DM(u) for u in inputs])[0]
+    return np.broadcast_to(np.asarray(ca.DM(found)).ravel(), time.shape)
 
 
 def _followed(block: Follower, u: Array, past: tuple[float, float]) -> Array:
+    """The block's own formula from row to row."""
     before, step = past
     memory, x = ca.SX.sym("memory"), ca.SX.sym("u")
     formula = ca.Function("follow", [memory, x], [block.follow(memory, x, step)])
-    start = before if block.start is None else block.start
-    return np.asarray(formula.mapaccum(len(u))(start, u[None, :])).ravel()
+    many = formula.mapaccum(CHUNK)
+    rows, last = np.empty((-(-len(u) // CHUNK), CHUNK)), before if block.start is None else block.start
+    padded = np.concatenate([u, np.full(rows.size - len(u), u[-1])]).reshape(rows.shape)
+    buffer, evaluate = many.buffer()
+    for driven, made in zip(padded, rows, strict=True):
+        buffer.set_arg(0, memoryview(np.array([last], dtype=float)))
+        buffer.set_arg(1, memoryview(driven))
+        buffer.set_res(0, memoryview(made))
+        evaluate()
+        last = made[-1]
+    return rows.ravel()[: len(u)]
 
 
 def _lagged(u: Array, lag: float, step: float, held: bool) -> Array:
