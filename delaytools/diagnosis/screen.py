@@ -73,7 +73,7 @@ def response(base: Base, one: Added) -> Array | None:
     known = {p.path: p.value for p in base.fitted.parameters}
     values = tuple(known.get(p.path, p.value) for p in base.case.parameters(added))
     try:
-        outputs = base.case.outputs(added, values)
+        outputs = base.case.outputs_nearly(added, values)
     except DelaytoolsError:
         return None
     change = tuple(after - before for after, before in zip(outputs, base.outputs, strict=True))
