@@ -72,6 +72,7 @@ class Case:
     numbers: tuple[Mapping[str, float], ...] = ()
     substeps: int | None = None
     _replays: dict[Any, tuple[Replay, ...]] = field(default_factory=dict, repr=False)
+    _begun_last: dict[int, Begun] = field(default_factory=dict, repr=False)
 
     @property
     def exits(self) -> tuple[str, ...]:
@@ -158,12 +159,22 @@ class Case:
         pairs = zip(self.measured, runs, strict=True)
         return tuple(m - one.without((m - y)[:, :, None])[:, :, 0] for m, (y, one) in pairs)
 
+    def outputs_nearly(self, added: tuple[Added, ...], values: tuple[float, ...]) -> tuple[Array, ...]:
+        """As `outputs`, but beginnings act as they did in the last exact run: for screening, at half the cost."""
+        if not self.pieces or len(self._begun_last) < len(self.records):
+            return self.outputs(added, values)
+        runs = [replay.run(values) for replay in self.replays(added)]
+        last = [replace(self._begun_last[log], filters=self.whitening) for log in range(len(runs))]
+        trios = zip(self.measured, runs, last, strict=True)
+        return tuple(m - one.without((m - y)[:, :, None])[:, :, 0] for m, y, one in trios)
+
     def _begun(self, log: int, replay: Replay, values: tuple[float, ...]) -> tuple[Array, Begun]:
         rows, columns = replay.run_with_starts(values)
         anew = {state for _, states in self._begins[log] for state in states}
         own = np.array([state in anew for state in replay.starts(values)], dtype=bool)
         scale = np.array([float(np.std(self.measured[log][:, j])) or 1.0 for j in range(len(self.exits))])
-        return rows, Begun(self.pieces[log], columns, own, self.whitening, scale)
+        self._begun_last[log] = Begun(self.pieces[log], columns, own, self.whitening, scale)
+        return rows, self._begun_last[log]
 
     def residual(self, outputs: tuple[Array, ...]) -> Array:
         """(rows,): measured minus model, whitened."""
@@ -239,6 +250,14 @@ class Case:
         where the model is worst known. They are weighted evenly, at the level that allows for their colour.
         """
         return replace(self, whitening=tuple(w.evenly() for w in whitening) if self.pieces else whitening)
+
+    def roughly(self) -> "Case":
+        """The same case with residuals by their rms alone.
+
+        In a real run most of the residual is the effect that is missing, and slow: allowed for as coloured noise it
+        would hide what causes it. So candidates are sought, and judged by the filters of what they leave.
+        """
+        return replace(self, whitening=tuple(replace(w, taps=np.array([1 / w.rms])) for w in self.whitening))
 
 
 def prepared_case(

@@ -106,7 +106,7 @@ def _simulated(base: Base, one: Added) -> tuple[Array, ...] | None:
     known = {p.path: p.value for p in base.fitted.parameters}
     values = tuple(known.get(p.path, p.value) for p in base.case.parameters(added))
     try:
-        outputs = base.case.outputs(added, values)
+        outputs = base.case.outputs_nearly(added, values)
     except DelaytoolsError:
         return None
     return tuple(after - before for after, before in zip(outputs, base.outputs, strict=True))

@@ -28,6 +28,7 @@ MOST = 3
 SHORTEST = 0.5  # rows: a shorter delay or lag may be the way in which rows are joined
 QUICK = 1e-4
 NEAR = 400.0  # χ² within which a rival is fitted again when the noise is known better
+FAR = 0.3  # of a design's value: where a fit has moved one further, it may stand in for the effect that is missing
 
 
 @final
@@ -57,7 +58,7 @@ def search(case: Case, carried: tuple[Array, ...], *, deadline: float = np.inf) 
     case, null = _rewhitened(case, null, carried)
     fitted, steps, small = null, [null], []
     rivals: list[list[Fitted]] = []
-    while len(fitted.added) < MOST and fitted.chi2 > NAMED + PENALTY and time.monotonic() < deadline:
+    while len(fitted.added) < MOST and _left(case, fitted) > NAMED + PENALTY and time.monotonic() < deadline:
         best, others, seen = _step(case, fitted, carried, deadline)
         if best is None:
             break
@@ -86,14 +87,20 @@ def _rewhitened(case: Case, fitted: Fitted, carried: tuple[Array, ...]) -> tuple
     return case, fit_hypothesis(case, fitted.added, near=fitted)
 
 
+def _left(case: Case, fitted: Fitted) -> float:
+    """χ² that an effect more could take off."""
+    return float(len(fitted.residual)) if case.pieces else fitted.chi2
+
+
 def _step(
     case: Case, fitted: Fitted, carried: tuple[Array, ...], deadline: float
 ) -> tuple[Fitted | None, list[Fitted], Case]:
     """The hypothesis with the best effect more, its rivals, and the case seen through the noise that it leaves."""
-    found = proposals(case, fitted)
-    hypotheses = [(*fitted.added, one.added) for one in found]
-    hypotheses += richer(case, fitted, least=0.5 * max((one.gain for one in found), default=0.0))
-    tried = _fits(case, fitted, hypotheses, deadline)
+    rough, base = (case.roughly(), _refit(case.roughly(), fitted) or fitted) if case.pieces else (case, fitted)
+    found = proposals(rough, base)
+    hypotheses = [(*base.added, one.added) for one in found]
+    hypotheses += richer(rough, base, least=0.5 * max((one.gain for one in found), default=0.0))
+    tried = _fits(rough, base, hypotheses, deadline)
     if not tried:
         return None, [], case
     best = tried[0]
@@ -108,15 +115,23 @@ def _step(
 
 
 def _fits(case: Case, fitted: Fitted, hypotheses: list[tuple[Added, ...]], deadline: float) -> list[Fitted]:
-    tried = []
+    tried, starts = [], _starts(case, fitted)
     for added in hypotheses:
         if time.monotonic() > deadline and tried:
             break
-        try:
-            tried.append(fit_hypothesis(case, added, near=fitted, tolerance=QUICK))
-        except (DelaytoolsError, np.linalg.LinAlgError, ValueError):
-            continue
+        for near in starts:
+            try:
+                tried.append(fit_hypothesis(case, added, near=near, tolerance=QUICK))
+            except (DelaytoolsError, np.linalg.LinAlgError, ValueError):
+                continue
     return sorted(_best_of_each(tried), key=_cost)
+
+
+def _starts(case: Case, fitted: Fitted) -> tuple[Fitted | None, ...]:
+    """Where fits begin: at the fitted values, and at the design's (None) where these have been left far behind."""
+    known = fitted.by_path
+    far = any(abs(known[p.path].value - p.value) > FAR * abs(p.value) for p in case.tolerated if p.path in known)
+    return (fitted, None) if far and not fitted.added else (fitted,)
 
 
 def _best_of_each(tried: list[Fitted]) -> list[Fitted]:

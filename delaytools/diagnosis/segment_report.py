@@ -6,6 +6,7 @@ from typing import final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import t as student
 
 from delaytools.diagnosis.added import Added
 from delaytools.diagnosis.answer import (
@@ -113,10 +114,23 @@ def _alike(found: Finding, place: int) -> tuple[Fitted, ...]:
         other = one.added[-1]
         if len(one.added) != len(found.fitted.added) or other.kind == mine.kind:
             continue
-        _, spread = held_out(one, found.case.rows).better_than(held_out(found.fitted, found.case.rows))
-        if _cost(one) - best < max(ALIKE, min(spread, 3 * ALIKE)):
+        mine_out, other_out = (held_out(f, found.case.rows) for f in (found.fitted, one))
+        gain, spread = mine_out.better_than(other_out)
+        if found.case.pieces:
+            alike = gain < max(ALIKE, _significant(len(mine_out.blocks)) * spread)
+        else:
+            alike = _cost(one) - best < max(ALIKE, min(spread, 3 * ALIKE))
+        if alike:
             members.setdefault(other.kind, one)
     return tuple(members.values())
+
+
+def _significant(blocks: int) -> float:
+    """Standard errors by which one effect must beat another in real runs, whose errors are the model's: Student's t.
+
+    What differs from block to block, not the noise, says there how far a difference can be trusted.
+    """
+    return float(student.ppf(0.975, max(blocks - 1, 1)))
 
 
 def _cost(one: Fitted) -> float:

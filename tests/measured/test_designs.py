@@ -231,14 +231,20 @@ def _silverbox(design: Design, path: Path) -> float:
 
 @_mark
 def test_dart_lag_and_delay_are_as_good() -> None:
-    static = {"steering.slope": 1.52, "steering.largest": 0.364, "steering.trim": 0.007}
-    moving = {"steering.slope": 1.48, "steering.largest": 0.3725, "steering.trim": 0.005}
+    static = _curves(left=(1.451, 0.3481), right=(1.534, 0.3944), trim=0.0454)
+    moving = _curves(left=(1.48, 0.3482), right=(1.46, 0.4086), trim=0.0443)
     lag = {"type": "lag", "at": "steering.command", "time_constant": "176 ms"}
     delay = {"type": "delay", "at": "steering.command", "delay": "169 ms"}
     without = _dart(_changed(_design("dart_car"), static))
     either = [_dart(_changed(_design("dart_car"), moving, [effect])) for effect in (lag, delay)]
     assert max(either) < 0.75 * without
     assert max(either) < 1.06 * min(either)
+
+
+def _curves(*, left: tuple[float, float], right: tuple[float, float], trim: float) -> dict[str, float]:
+    """Values of both steering curves, each (slope, largest angle in rad)."""
+    names = ("left_slope", "left", "right_slope", "right", "trim")
+    return {f"steering.{name}": value for name, value in zip(names, (*left, *right, trim), strict=True)}
 
 
 def _dart(design: Design) -> float:
