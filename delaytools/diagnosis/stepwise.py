@@ -16,7 +16,7 @@ from delaytools.diagnosis.views import View
 from delaytools.loop.port import Port
 from delaytools.signals.record import Record
 
-__all__ = ["lattice_step", "quantisations", "with_draws", "with_period_fitted"]
+__all__ = ["lattice_step", "quantisations", "rounded_exits", "with_draws", "with_period_fitted"]
 
 Array = NDArray[np.float64]
 KEPT, LOST = 1 - 1e-9, 0.0
@@ -124,12 +124,18 @@ def _gain(base: Base, spot: Spot, signals: tuple[Array, ...], step: float) -> fl
     if shown is None:
         change = response(base, Added(spot.kind, str(spot.port), {"step": float(step)}))
         return 0.0 if change is None else base.gain(change, 0.9, 1.1)[0]
-    rows = []
+    return base.gain(base.case.whitened(rounded_exits(base, spot, signals, step)), 0.9, 1.1)[0]
+
+
+def rounded_exits(base: Base, spot: Spot, signals: tuple[Array, ...], step: float) -> tuple[Array, ...]:
+    """Per log (n, exits): what a quantiser at an exit changes there, without a run; signals: those at the exit."""
+    shown = _shown_at(base.case, spot.port)
+    found = []
     for u, outputs in zip(signals, base.outputs, strict=True):
         moved = np.zeros_like(outputs)
         moved[:, shown] = step * np.floor(u / step + 0.5) - u
-        rows.append(moved)
-    return base.gain(base.case.whitened(tuple(rows)), 0.9, 1.1)[0]
+        found.append(moved)
+    return tuple(found)
 
 
 def with_period_fitted(base: Base, one: Added, name: str = "period") -> Screened:
