@@ -4,7 +4,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, final
 
-__all__ = ["Confusable", "Diagnosis", "Missing", "NextExperiment", "Quantity", "Rival", "Step", "Unexplained"]
+__all__ = [
+    "Confusable", "Diagnosis", "Interrupted", "Missing", "NextExperiment", "Quantity", "Rival", "Step", "Unexplained",
+]  # fmt: skip
 
 
 @final
@@ -104,7 +106,7 @@ class Diagnosis:
 
     verdict: "adequate", "missing" or "unexplained". ranking: signal -> rivals, the best first. tolerated: fitted
     values inside their tolerance, by path. notes: what was said on the way (log notes, significant but small).
-    seconds: the time that it took.
+    seconds: the time that it took. interrupted: before every segment was searched, which `notes` name.
     """
 
     verdict: str
@@ -118,3 +120,13 @@ class Diagnosis:
     notes: tuple[str, ...]
     budget_exhausted: bool
     seconds: float
+    interrupted: bool = False
+
+
+@final
+class Interrupted(KeyboardInterrupt):
+    """An interrupt while segments were searched; `answer`: what the finished ones say."""
+
+    def __init__(self, answer: Diagnosis) -> None:
+        super().__init__()
+        self.answer = answer

@@ -161,8 +161,8 @@ def _best_modes(
             shape = _shape(frequency, chosen, damping)
             up = (shape @ products.astype(np.complex64)).real
             down = (np.abs(shape) ** 2) @ powers.astype(np.float32)
-            gains = np.where(down > 0, 2 * up / np.maximum(down, 1e-300), 0.0)
-            chi2 = 2 * np.where(down > 0, up**2 / np.maximum(down, 1e-300), 0.0) / size
+            power = np.where(down > 0, down, np.inf)
+            gains, chi2 = 2 * up / power, 2 * up**2 / power / size
             for k in range(len(ways)):
                 top = int(np.argmax(chi2[:, k]))
                 best[k].append((float(chi2[top, k]), float(chosen[top]), damping, float(gains[top, k]) / 2))
