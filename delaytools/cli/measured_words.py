@@ -50,7 +50,7 @@ def diagnosis_lines(answer: Any) -> list[str]:
         lines.append(f"  {left.hint}" if left.hint else "")
     if answer.next_experiment is not None:
         lines.append(f"next experiment: {answer.next_experiment.why}")
-        lines.append(f"  {dict(answer.next_experiment.input)}")
+        lines.append(f"  {dict(answer.next_experiment.input)}" if answer.next_experiment.input else "")
     lines += ladder_lines(answer)
     lines += [f"inside its tolerance: {name} = {_quantity(item)}" for name, item in answer.tolerated.items()]
     lines += [f"note: {note}" for note in answer.notes]

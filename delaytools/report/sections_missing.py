@@ -152,8 +152,9 @@ def _left(found: Diagnosis) -> list[str]:
 def _next(found: Diagnosis) -> list[str]:
     if found.next_experiment is None:
         return []
-    table = ", ".join(f"{name} = {value}" for name, value in found.next_experiment.input.items())
-    return [f"Next experiment: {found.next_experiment.why.rstrip('.')}. Input: {table}."]
+    asked = found.next_experiment.input  # empty, or what to measure, where no input would decide
+    table = ", ".join(f"{name} = {value}" for name, value in asked.items() if name != "measure")
+    return [f"Next experiment: {found.next_experiment.why.rstrip('.')}.{f' Input: {table}.' if table else ''}"]
 
 
 def _tolerated(found: Diagnosis) -> list[str]:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from delaytools.design.design import parse_design
+from delaytools.diagnosis.answer import NextExperiment
 from delaytools.measurement.compare import compare
 from delaytools.report.contents import gather
 from delaytools.report.evidence import Evidence
@@ -71,6 +72,13 @@ def test_the_chapter_of_what_is_missing(record: Record) -> None:
         "Linear margins do not see dead_band@actuator.input", "a log note",
     ):  # fmt: skip
         assert part in text, part
+
+
+def test_a_next_experiment_without_an_input_names_none(record: Record) -> None:
+    asked = NextExperiment("measure the actuator alone", {}, 0.0)
+    found = diagnosis(DELAY, verdict="missing", next_experiment=asked)
+    text = everything(sections(Evidence(("run.csv",), compare(bench_design(), [record]), found))["missing"])
+    assert "Next experiment: measure the actuator alone." in text and "Input:" not in text
 
 
 def test_margins_before_and_after(record: Record) -> None:
