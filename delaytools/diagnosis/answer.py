@@ -88,6 +88,17 @@ class Unexplained:
     bands: tuple[tuple[float, float], ...]
     hint: str
 
+    @property
+    def stretches(self) -> tuple[tuple[float, float], ...]:
+        """The bands, in order, with those that touch joined."""
+        found: list[tuple[float, float]] = []
+        for low, high in sorted(self.bands):
+            if found and low <= found[-1][1] * (1 + 1e-9):
+                found[-1] = (found[-1][0], max(high, found[-1][1]))
+            else:
+                found.append((low, high))
+        return tuple(found)
+
 
 @final
 @dataclass(frozen=True)

@@ -17,7 +17,8 @@ MOST = 200_000  # rows of all logs together
 def searched_rows(records: Sequence[Record]) -> tuple[tuple[Record, ...], tuple[str, ...]]:
     """The first rows of each log, as many as a search can work on, and what was left out in words.
 
-    The first ones, since a run begins at rest, or as [log] says. Raises AnalysisError for a log of a few rows.
+    The first ones, since a run begins at rest, or as [log] says. Raises AnalysisError for a log of a few rows, and where
+    nothing moves.
     """
     for record in records:
         if len(record) < FEWEST:
@@ -25,13 +26,13 @@ def searched_rows(records: Sequence[Record]) -> tuple[tuple[Record, ...], tuple[
                 f"a diagnosis needs {FEWEST} rows or more", where=record.source.split("; ")[0],
                 found=f"{len(record)}", advice="log a longer run; compare works with fewer",
             )  # fmt: skip
-    still = tuple(
-        f"{_name(r)}: no column ever changes: it shows the bench at rest, and little of what a design may lack"
-        for r in records
-        if not any(np.ptp(r[name]) > 0 for name in r.names)
-    )
+    if not any(np.ptp(r[name]) > 0 for r in records for name in r.names):
+        raise AnalysisError(
+            "no column ever changes: a bench at rest shows nothing of what a design may lack",
+            where=", ".join(_name(r) for r in records), advice="log a run in which something moves",
+        )  # fmt: skip
     if sum(map(len, records)) <= MOST:
-        return tuple(records), still
+        return tuple(records), ()
     share = max(MOST // len(records), FEWEST)
     words = tuple(
         f"{_name(r)}: the search works on the first {share} of {len(r)} rows (to t = {r.time[share - 1]:g} s); "
@@ -39,7 +40,7 @@ def searched_rows(records: Sequence[Record]) -> tuple[tuple[Record, ...], tuple[
         for r in records
         if len(r) > share
     )
-    return tuple(r.rows(slice(share)) if len(r) > share else r for r in records), still + words
+    return tuple(r.rows(slice(share)) if len(r) > share else r for r in records), words
 
 
 def _name(record: Record) -> str:

@@ -64,6 +64,10 @@ def headed(old: str, new: str) -> Callable[[Table], str]:
     return lambda table: text(table).replace(old, new, 1)
 
 
+def standing(value: str) -> Callable[[Table], str]:
+    return lambda table: text([table[0], *([row[0], *[value] * (len(row) - 1)] for row in table[1:])])
+
+
 def timed(stretch: float) -> Callable[[Table], str]:
     return lambda table: text([table[0], *([repr(float(row[0]) * stretch), *row[1:]] for row in table[1:])])
 
@@ -90,6 +94,8 @@ TOO_LITTLE: dict[str, tuple[Callable[[Table], str], tuple[str, ...]]] = {
         f"{rows} rows": (first(rows), ("a diagnosis needs 100 rows or more", f"found {rows}"))
         for rows in (2, 3, 10, 99)
     },
+    "at rest": (standing("0"), ("short.csv", "no column ever changes")),
+    "constant": (standing("1.5"), ("short.csv", "no column ever changes")),
     "nothing drives it": (without("demand"), ("lacks a signal that drives the loop", "'demand'")),
 }
 
@@ -133,14 +139,8 @@ ODD: dict[str, tuple[Callable[[Table], str], str, bool]] = {
     "a few rows lost": (lambda table: text(table[:900] + table[912:]), "1 gap in time", True),
     "a long gap": (lambda table: text(table[:800] + table[1200:]), "1 gap in time", True),
     "uneven": (uneven, "unevenly spaced", True),
-    "starts late": (lambda table: text([table[0], *([repr(float(r[0]) + 1e4), *r[1:]] for r in table[1:])]), "", True),
-    "at rest": (
-        lambda table: text([table[0], *([row[0], *["0"] * (len(row) - 1)] for row in table[1:])]),
-        "no column ever changes", False,
-    ),
-    "constant": (
-        lambda table: text([table[0], *([row[0], *["1.5"] * (len(row) - 1)] for row in table[1:])]),
-        "no column ever changes", False,
+    "starts late": (
+        lambda table: text([table[0], *([repr(float(r[0]) + 1e4), *r[1:]] for r in table[1:])]), "", True,
     ),
 }  # fmt: skip
 
