@@ -17,8 +17,8 @@ MOST = 200_000  # rows of all logs together
 def searched_rows(records: Sequence[Record]) -> tuple[tuple[Record, ...], tuple[str, ...]]:
     """The first rows of each log, as many as a search can work on, and what was left out in words.
 
-    The first ones, since a run begins at rest, or as [log] says. Raises AnalysisError for a log of a few rows, and where
-    nothing moves.
+    The first ones, since a run begins at rest, or as [log] says.
+    Raises AnalysisError for a log of a few rows, and where nothing moves.
     """
     for record in records:
         if len(record) < FEWEST:
