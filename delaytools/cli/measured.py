@@ -59,6 +59,8 @@ def diagnose(
         say("\n".join(diagnosis_lines(answer)))
     if json is not None:
         write_json(_fields(answer), json)
+    if answer.interrupted:
+        raise typer.Exit(130)
     if gate and answer.verdict != "adequate":
         raise typer.Exit(1)
 
@@ -89,21 +91,25 @@ def improve(
     warn(notes)
     answer = diagnosed(plan, records, configuration, seed, budget)
     origin: dict[str, Any] = {"logs": [Path(log).name for log in logs], "date": date.today().isoformat()}
-    origin |= {"configuration": configuration, "effect": effect}
+    origin |= {"configuration": configuration, "effect": None if answer.interrupted else effect}
     added = additions(plan, answer, **origin)
     new = improved(plan, answer, **origin, values=values)
     build(new, configuration)
+    out = None if answer.interrupted else out  # what is not finished is no design
     if out is not None:
         write_design(new, out)
     if json != "-":
         say("\n".join([*_added_lines(added, out), *ladder_lines(answer)]))
     if json is not None:
         write_json(_improve_answer(answer, added) | {"tolerated": answer.tolerated if values else {}, "out": out}, json)
+    if answer.interrupted:
+        raise typer.Exit(130)
 
 
 def _improve_answer(answer: Any, added: Any) -> dict[str, Any]:
     listed = [_fields(one.missing) | {"place": one.place, "written": one.table} for one in added]
-    return {"added": listed, "ladder": answer.ladder, "verdict": answer.verdict}
+    names = ("ladder", "verdict", "notes", "interrupted")
+    return {"added": listed} | {name: getattr(answer, name) for name in names}
 
 
 def _added_lines(added: Any, out: str | None) -> list[str]:
@@ -118,13 +124,17 @@ def _added_lines(added: Any, out: str | None) -> list[str]:
 
 
 def diagnosed(plan: Any, records: Any, configuration: str | None, seed: int, budget: float | None) -> Any:
-    """The diagnosis, with a bar on a terminal."""
+    """The diagnosis, with a bar on a terminal; what is finished where it was interrupted."""
+    from delaytools.diagnosis.answer import Interrupted
     from delaytools.diagnosis.diagnose import Effort
     from delaytools.diagnosis.diagnose import diagnose as diagnose_records
 
     effort = Effort(budget=budget or BUDGET, seed=seed)
-    with share_bar("diagnosis") as tell:
-        return diagnose_records(plan, records, configuration=configuration, progress=tell, effort=effort)
+    try:
+        with share_bar("diagnosis") as tell:
+            return diagnose_records(plan, records, configuration=configuration, progress=tell, effort=effort)
+    except Interrupted as interrupt:
+        return interrupt.answer
 
 
 def evidence(
@@ -138,6 +148,8 @@ def evidence(
     warn(notes)
     comparison = compare_records(plan, records, configuration=configuration)
     answer = diagnosed(plan, records, configuration, 1, budget) if search else None
+    if answer is not None and answer.interrupted:
+        raise KeyboardInterrupt
     return Evidence(tuple(Path(log).name for log in logs), comparison, answer, configuration)
 
 

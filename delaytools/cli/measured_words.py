@@ -45,12 +45,12 @@ def diagnosis_lines(answer: Any) -> list[str]:
         lines.append(f"at {group.signal} these logs do not tell apart:")
         lines += [f"  {_named(m)} (χ² {m.delta_chi2:+.1f})" for m in group.members]
     for left in answer.unexplained:
-        bands = ", ".join(f"{low:.3g} to {high:.3g} Hz" for low, high in left.bands)
+        bands = ", ".join(f"{low:.3g} to {high:.3g} Hz" for low, high in left.stretches)
         lines.append(f"unexplained at {left.signal}: {100 * left.share_of_error:.1f} % of the squared error, {bands}")
         lines.append(f"  {left.hint}" if left.hint else "")
     if answer.next_experiment is not None:
         lines.append(f"next experiment: {answer.next_experiment.why}")
-        lines.append(f"  {dict(answer.next_experiment.input)}")
+        lines.append(f"  {dict(answer.next_experiment.input)}" if answer.next_experiment.input else "")
     lines += ladder_lines(answer)
     lines += [f"inside its tolerance: {name} = {_quantity(item)}" for name, item in answer.tolerated.items()]
     lines += [f"note: {note}" for note in answer.notes]

@@ -4,7 +4,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, final
 
-__all__ = ["Confusable", "Diagnosis", "Missing", "NextExperiment", "Quantity", "Rival", "Step", "Unexplained"]
+__all__ = [
+    "Confusable", "Diagnosis", "Interrupted", "Missing", "NextExperiment", "Quantity", "Rival", "Step", "Unexplained",
+]  # fmt: skip
 
 
 @final
@@ -86,6 +88,17 @@ class Unexplained:
     bands: tuple[tuple[float, float], ...]
     hint: str
 
+    @property
+    def stretches(self) -> tuple[tuple[float, float], ...]:
+        """The bands, in order, with those that touch joined."""
+        found: list[tuple[float, float]] = []
+        for low, high in sorted(self.bands):
+            if found and low <= found[-1][1] * (1 + 1e-9):
+                found[-1] = (found[-1][0], max(high, found[-1][1]))
+            else:
+                found.append((low, high))
+        return tuple(found)
+
 
 @final
 @dataclass(frozen=True)
@@ -104,7 +117,7 @@ class Diagnosis:
 
     verdict: "adequate", "missing" or "unexplained". ranking: signal -> rivals, the best first. tolerated: fitted
     values inside their tolerance, by path. notes: what was said on the way (log notes, significant but small).
-    seconds: the time that it took.
+    seconds: the time that it took. interrupted: before every segment was searched, which `notes` name.
     """
 
     verdict: str
@@ -118,3 +131,13 @@ class Diagnosis:
     notes: tuple[str, ...]
     budget_exhausted: bool
     seconds: float
+    interrupted: bool = False
+
+
+@final
+class Interrupted(KeyboardInterrupt):
+    """An interrupt while segments were searched; `answer`: what the finished ones say."""
+
+    def __init__(self, answer: Diagnosis) -> None:
+        super().__init__()
+        self.answer = answer

@@ -2,9 +2,7 @@
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
-from multiprocessing import get_context
 from typing import final
 
 import numpy as np
@@ -13,18 +11,21 @@ from numpy.typing import NDArray
 from delaytools.design.build import build
 from delaytools.design.design import Design
 from delaytools.design.tolerance import tolerances
-from delaytools.diagnosis.answer import Diagnosis, Step
+from delaytools.diagnosis.answer import Diagnosis, Interrupted, Step
 from delaytools.diagnosis.case import prepared_case
 from delaytools.diagnosis.driving import driven_best, nominal
+from delaytools.diagnosis.extent import searched_rows
 from delaytools.diagnosis.noise import Whitening, wiener_part
 from delaytools.diagnosis.noise_of import EXACT, carried_noise, column_noise
 from delaytools.diagnosis.runs import as_logged, differing, held_by_design, pieces_in_words, pieces_of
 from delaytools.diagnosis.search import search
 from delaytools.diagnosis.segment_report import SegmentReport, segment_report
+from delaytools.diagnosis.workers import workers
 from delaytools.loop.loop import Loop
 from delaytools.loop.network import network
 from delaytools.loop.segments import Segment, segments
 from delaytools.loop.values import resolve
+from delaytools.measurement.log_checks import check_raster
 from delaytools.measurement.staircase import with_staircases_held
 from delaytools.signals.record import Record
 from delaytools.signals.trouble import AnalysisError
@@ -90,32 +91,47 @@ def diagnose(
     differ (in numbers alone); fitted values and effects are shared. window: length in s of pieces in which the logs are
     compared, their beginnings fitted (default: as [log] says). progress: called with words and the share done.
     effort: processes, seconds and seed. The same logs and seed give the same answer.
-    Raises DelaytoolsError for a log that lacks what drives a segment.
+    Raises DelaytoolsError for a log that lacks what drives a segment, Interrupted with what is finished.
     """
     begin = time.monotonic()
     effort = effort or Effort()
     each = _configurations(configuration, len(records))
     loop = build(design, each[0])
-    ready, words = _prepared(loop, [held_by_design(design, record) for record in records])
+    part, left_out = searched_rows(records)
+    ready, words = _prepared(loop, [held_by_design(design, record) for record in part])
     pieces, numbers = pieces_of(design, ready, window), differing(design, each)
-    words += pieces_in_words(design, pieces, window)
+    words += left_out + pieces_in_words(design, pieces, window)
     parts = segments(loop, set(ready[0].names))
     _check_driven(parts, ready, loop)
     cleaned: tuple[dict[str, Array], ...] = tuple({} for _ in ready)
     moved: tuple[dict[str, Array], ...] = tuple({} for _ in ready)
     noise: dict[str, Whitening] = {}
     done: dict[int, SegmentReport] = {}
-    with _pool(effort.processes) as pool:
-        for wave in _wanted(_waves(parts, ready), parts, effort.signals):
-            known = ready, cleaned, moved, noise, pieces, numbers
-            tasks = [_Task(design, each[0], *known, k, (begin + effort.budget, effort.seed)) for k in wave]
-            for k, report in zip(wave, pool(_work, tasks), strict=True):
-                done[k] = report
-                noise |= dict(zip(report.exits, report.noise, strict=True))
-                _clean(cleaned, moved, ready, report)
-                if progress:
-                    progress(f"{' and '.join(report.exits)} done", len(done) / len(parts))
+    try:
+        with workers(effort.processes) as share:
+            for wave in _wanted(_waves(parts, ready), parts, effort.signals):
+                known = ready, cleaned, moved, noise, pieces, numbers
+                tasks = [_Task(design, each[0], *known, k, (begin + effort.budget, effort.seed)) for k in wave]
+                for place, report in share(_work, tasks):
+                    done[wave[place]] = report
+                    if progress:
+                        progress(f"{' and '.join(report.exits)} done", len(done) / len(parts))
+                for report in (done[k] for k in wave):
+                    noise |= dict(zip(report.exits, report.noise, strict=True))
+                    _clean(cleaned, moved, ready, report)
+    except KeyboardInterrupt:
+        raise Interrupted(_cut_short(parts, done, words, time.monotonic() - begin)) from None
     return _answer([done[k] for k in sorted(done)], words, time.monotonic() - begin)
+
+
+def _cut_short(
+    parts: Sequence[Segment], done: Mapping[int, SegmentReport], words: tuple[str, ...], seconds: float
+) -> Diagnosis:
+    """What the finished segments say; adequate is no answer while others were not searched."""
+    exits = ", ".join(exit for k, part in enumerate(parts) if k not in done for exit in part.exits)
+    words += (f"interrupted: not searched at {exits}",)
+    found = _answer([done[k] for k in sorted(done)], words, seconds)
+    return replace(found, interrupted=True, verdict="missing" if found.verdict == "missing" else "unexplained")
 
 
 def _configurations(given: str | Sequence[str | None] | None, logs: int) -> Sequence[str | None]:
@@ -133,6 +149,7 @@ def _prepared(loop: Loop, records: Sequence[Record]) -> tuple[tuple[Record, ...]
     held = network(resolve(loop)).held_signals
     found, words = [], []
     for record in records:
+        check_raster(record, loop.frame)
         marked, said = with_staircases_held(record)
         found.append(replace(marked, held=marked.held | (held & frozenset(record.names))))
         words.extend(said)
@@ -147,29 +164,6 @@ def _check_driven(parts: Sequence[Segment], records: Sequence[Record], loop: Loo
                     "the log lacks a signal that drives the loop", where=part.name, found=repr(entry),
                     known=records[0].names, advice="log it, or map a column to it under [log] columns",
                 )  # fmt: skip
-
-
-def _pool(processes: int) -> "_Pool":
-    return _Pool(processes)
-
-
-@final
-class _Pool:
-    """map over processes, or in this one where one is enough."""
-
-    def __init__(self, processes: int) -> None:
-        self._processes = processes
-        self._executor: ProcessPoolExecutor | None = None
-
-    def __enter__(self) -> "Callable[..., Sequence[SegmentReport]]":
-        if self._processes > 1:
-            self._executor = ProcessPoolExecutor(self._processes, mp_context=get_context("spawn"))
-            return lambda work, tasks: list(self._executor.map(work, tasks))  # type: ignore[union-attr]
-        return lambda work, tasks: [work(task) for task in tasks]
-
-    def __exit__(self, *exc: object) -> None:
-        if self._executor:
-            self._executor.shutdown(cancel_futures=True)
 
 
 def _waves(parts: Sequence[Segment], records: Sequence[Record]) -> list[list[int]]:
@@ -254,6 +248,8 @@ def _answer(reports: list[SegmentReport], words: tuple[str, ...], seconds: float
 
 def _ladder(reports: list[SegmentReport]) -> tuple[Step, ...]:
     """The segments' ladders as one: first all as designed, then all with tolerances fitted, then effect by effect."""
+    if not reports:
+        return ()
     errors = {s: e for report in reports for s, e in report.steps[0].errors.items()}
     white = {s: e for report in reports for s, e in report.steps[0].whitened.items()}
     found = [Step("as designed", dict(errors), dict(white))]

@@ -11,7 +11,6 @@ from scipy.signal import lfilter
 
 __all__ = [
     "Whitening",
-    "difference_noise",
     "incoherent_spectrum",
     "whitening",
     "wiener_part",
@@ -21,7 +20,6 @@ __all__ = [
 Array = NDArray[np.float64]
 WINDOW = 1024  # rows of one piece of the averaged spectra
 ORDER = 12  # of the prediction-error filter
-_DIFFERENCE = np.sqrt(70.0)  # Σ of the squared binomials 1 4 6 4 1
 
 
 @final
@@ -53,13 +51,6 @@ class Whitening:
     def apply(self, rows: Array) -> Array:
         """Whitened rows; rows (n,) or (n, k), filtered along the first axis."""
         return np.asarray(lfilter(self.taps, [1.0], rows, axis=0))
-
-
-def difference_noise(values: Array) -> float:
-    """Standard deviation of white noise on a smooth signal: median |4th difference| / 0.6745 / √70."""
-    if len(values) < 16:
-        return 0.0
-    return float(np.median(np.abs(np.diff(values, 4))) / 0.6745 / _DIFFERENCE)
 
 
 def windowed_spectra(rows: Array, window: int) -> Array:

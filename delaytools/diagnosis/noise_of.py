@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 
 from delaytools.diagnosis.case import Case
 from delaytools.diagnosis.fitting import Fitted
-from delaytools.diagnosis.noise import Whitening, difference_noise, incoherent_spectrum, whitening
+from delaytools.diagnosis.noise import Whitening, incoherent_spectrum, whitening
+from delaytools.estimation.noise_level import difference_noise
 from delaytools.signals.record import Record
 
 __all__ = ["EXACT", "carried_noise", "column_noise", "features", "noise_of"]
@@ -17,6 +18,8 @@ Array = NDArray[np.float64]
 RESOLVED = 3e-5  # of a signal's rms: differences below it are the simulation's or the log's rounding
 RESOLVED_HELD = 1e-4
 EXACT = 5e-5  # of a signal's rms: noise below it is none
+STILL = 1e-6  # of a signal's size: its spread is taken to be no less
+CONSTANT = 1e-9  # of a signal's size: what moves less stands still
 CLEANED = 0.15  # of the noise of a measured input that is left when the input was cleaned
 
 
@@ -40,7 +43,7 @@ def _bent(signals: Sequence[Array], rows: int) -> Array:
     columns = []
     for u in signals:
         centred = u - u.mean()
-        size = max(float(np.abs(centred).max()), 1e-300)
+        size = max(float(np.abs(centred).max()), CONSTANT * float(np.abs(u).max()), 1e-300)
         x = centred / size
         rate = np.diff(u, prepend=u[:1])
         turn = np.tanh(rate / max(0.2 * float(np.sqrt(np.mean(rate**2))), 1e-300))
@@ -85,7 +88,8 @@ def noise_of(
         frequency = spectra[longest][0]
         density = np.mean([np.interp(frequency, f, d) for f, d in spectra], axis=0)
         held = exit in case.records[0].held
-        spread = float(np.concatenate([m[:, j] for m in case.measured]).std())
+        shown = np.concatenate([m[:, j] for m in case.measured])
+        spread = max(float(shown.std()), STILL * float(np.abs(shown).max()))
         floor = ((RESOLVED_HELD if held else RESOLVED) * spread) ** 2
         least = incoherent_spectrum(carried[j], np.zeros((len(carried[j]), 0)))
         density = np.maximum(density, floor + share**2 * np.interp(frequency, *least))

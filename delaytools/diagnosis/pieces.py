@@ -15,21 +15,29 @@ from delaytools.loop.network import Key, position_of
 from delaytools.loop.values import resolve
 from delaytools.signals.record import Record
 
-__all__ = ["Begun", "cut_rows", "starts_shown"]
+__all__ = ["Begun", "cut_rows", "long_gaps", "starts_shown"]
 
 Array = NDArray[np.float64]
 NEIGHBOURS = 6  # rows on either side by which the value and the rate at a beginning are taken from a log
 SHORTEST = 8  # rows
+LONG = 5  # usual steps: what drives the bench in a longer gap between rows is not known
 
 
 def cut_rows(record: Record, wanted: NDArray[np.bool_], window: float | None) -> tuple[tuple[int, int], ...]:
-    """(first, last + 1) of the stretches of wanted rows, none longer than the window (s), none of a few rows."""
+    """(first, last + 1) of stretches of wanted rows: none longer than the window (s), of a few rows, across a gap."""
     time = record.time - record.time[0]
     part = np.floor(time / window + 1e-9).astype(int) if window else np.zeros(len(time), dtype=int)
-    label = np.cumsum(np.concatenate([[0], (np.diff(part) != 0) | (np.diff(wanted.astype(int)) != 0)]))
+    cuts = (np.diff(part) != 0) | (np.diff(wanted.astype(int)) != 0) | long_gaps(record)
+    label = np.cumsum(np.concatenate([[0], cuts]))
     edges = np.concatenate([[0], np.flatnonzero(np.diff(label)) + 1, [len(time)]])
     pairs = zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True)
     return tuple((a, b) for a, b in pairs if wanted[a] and b - a >= SHORTEST)
+
+
+def long_gaps(record: Record) -> NDArray[np.bool_]:
+    """(n - 1,) whether the next row is so far that nobody knows what the bench did until then."""
+    steps = np.diff(record.time)
+    return np.asarray(steps > LONG * np.median(steps))
 
 
 def starts_shown(loop: Loop, record: Record, rows: Sequence[int]) -> tuple[tuple[int, Mapping[Key, float]], ...]:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from delaytools.diagnosis.added import Added
 from delaytools.diagnosis.case import Case
 from delaytools.diagnosis.fitting import Fitted
+from delaytools.diagnosis.own_candidates import own_candidates
 from delaytools.diagnosis.places import spots
 from delaytools.diagnosis.screen import Base, Screened, base_of, response, screened
 from delaytools.diagnosis.spectra import interferences, modes
@@ -32,7 +33,7 @@ def _all(base: Base) -> list[Screened]:
     case, fitted = base.case, base.fitted
     places = spots(case.segment)
     view = base.view
-    found = screened(base, candidates(view, places))
+    found = screened(base, (*candidates(view, places), *own_candidates(view)))
     found += interferences(base, places) + modes(base, view, places)
     found += transients(base, places)
     found += quantisations(base, view, places) + _dropped(base)

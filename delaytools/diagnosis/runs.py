@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from delaytools.design.build import build
 from delaytools.design.design import Design
 from delaytools.diagnosis.case import Case
-from delaytools.diagnosis.pieces import cut_rows
+from delaytools.diagnosis.pieces import cut_rows, long_gaps
 from delaytools.loop.loop import Loop
 from delaytools.loop.values import value_paths, with_numbers
 from delaytools.signals.expression import NUMPY, Expression
@@ -32,10 +32,14 @@ def held_by_design(design: Design, record: Record) -> Record:
 def pieces_of(
     design: Design, records: Sequence[Record], window: float | None = None
 ) -> tuple[tuple[tuple[int, int], ...], ...]:
-    """Per log the rows that count, as [log] says (`window`, `where`, `start`); () where that is all, from rest."""
+    """Per log the rows that count, as [log] says (`window`, `where`, `start`), parted at long gaps.
+
+    () where that is all, from rest.
+    """
     table = design.tables.log
     length = window or _seconds(table.window)
-    if length is None and table.where is None and table.start == "rest":
+    gaps = any(long_gaps(record).any() for record in records)
+    if length is None and table.where is None and table.start == "rest" and not gaps:
         return ()
     found = tuple(cut_rows(r, _wanted(table.where, r), length) for r in records)
     for record, pieces in zip(records, found, strict=True):
@@ -51,7 +55,7 @@ def pieces_in_words(
     if not pieces:
         return ()
     length = window or _seconds(design.tables.log.window)
-    words = ["the states at the beginning of each log are fitted, too: they are not taken to be at rest"]
+    words = ["the states at the beginning of each log, and after long gaps, are fitted: not taken to be at rest"]
     if length is not None:
         words = [f"every log is compared in pieces of {length:g} s whose beginnings are fitted: errors do not add up"]
     if design.tables.log.where is not None:

@@ -2,15 +2,19 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from delaytools.blocks.block import Sampled
 from delaytools.diagnosis.added import Added
+from delaytools.diagnosis.case import Case
 from delaytools.diagnosis.places import Spot
 from delaytools.diagnosis.screen import Base, Screened, response
 from delaytools.diagnosis.views import View
 from delaytools.loop.port import Port
+from delaytools.loop.values import resolve
 from delaytools.signals.record import Record
 from delaytools.simulation.replay import Replay
 
@@ -29,22 +33,39 @@ _CHUNK = 64
 def impulse(base: Base, port: Port, log: int = 0) -> Array | None:
     """(n, exits): response to a straight-line pulse of height 1 at row 0 of a log, put in at a port.
 
-    Convolved with any column it gives the response to that column, where the segment is linear.
+    Convolved with any column that begins at 0 and is joined by straight lines it gives the response to that column,
+    where the segment is linear and rows are even. Behind a sampled block it is the mean over the rows of a period:
+    what the block makes of slow columns.
     """
     case, added = base.case, base.fitted.added
     probe = Added("cross_coupling", str(port), {"gain": 1.0}, {"source": PROBE})
-    replay = case.replays((*added, probe))[log]
-    record = case.records[log]
-    height = np.zeros(len(record))
-    height[1] = 1.0
-    carried = Record(record.time, {**record.columns, PROBE: height}, record.units, record.held)
-    pulse = case.stimuli_for(carried, (PROBE,))
+    replay = replace(case.replays((*added, probe))[log], begins=(), _compiled={}, _parts={})
     known = {p.path: p.value for p in base.fitted.parameters}
     values = tuple(known.get(path, 1.0) for path in replay.free)
-    driven = Replay(replay.loop, {**replay.stimuli, **pulse}, replay.time, replay.signals, replay.free)
-    rows = driven.run(values) - base.outputs[log]
-    found = np.vstack([rows[1:], np.zeros((1, rows.shape[1]))])
+    rest = _with_probe(base, replay, log, 0).run(values) if case.pieces else base.outputs[log]
+    parts = []
+    for row in range(1, _rows_of_a_period(case) + 1):
+        change = _with_probe(base, replay, log, row).run(values) - rest
+        parts.append(np.concatenate([change[row:], np.zeros((row, change.shape[1]))]))
+    found = np.mean(parts, axis=0)
     return found if np.isfinite(found).all() else None
+
+
+def _with_probe(base: Base, replay: Replay, log: int, row: int) -> Replay:
+    """The replay with a pulse at a row of its log; none at row 0."""
+    record = base.case.records[log]
+    height = np.zeros(len(record))
+    height[row] = float(row > 0)
+    carried = Record(record.time, {**record.columns, PROBE: height}, record.units, record.held)
+    stimuli = {**replay.stimuli, **base.case.stimuli_for(carried, (PROBE,))}
+    return replace(replay, stimuli=stimuli, _compiled={}, _parts={})
+
+
+def _rows_of_a_period(case: Case) -> int:
+    """Rows in the longest period of the segment's sampled blocks, 1 where there is none."""
+    elements = resolve(case.segment.loop).elements
+    periods = [float(e.block.period) for e in elements if isinstance(e.block, Sampled)]
+    return max(1, round(max(periods, default=0.0) / case.step))
 
 
 def _whitened_spectra(base: Base, log: int, size: int) -> tuple[Array, Array]:
@@ -140,8 +161,8 @@ def _best_modes(
             shape = _shape(frequency, chosen, damping)
             up = (shape @ products.astype(np.complex64)).real
             down = (np.abs(shape) ** 2) @ powers.astype(np.float32)
-            gains = np.where(down > 0, 2 * up / np.maximum(down, 1e-300), 0.0)
-            chi2 = 2 * np.where(down > 0, up**2 / np.maximum(down, 1e-300), 0.0) / size
+            power = np.where(down > 0, down, np.inf)
+            gains, chi2 = 2 * up / power, 2 * up**2 / power / size
             for k in range(len(ways)):
                 top = int(np.argmax(chi2[:, k]))
                 best[k].append((float(chi2[top, k]), float(chosen[top]), damping, float(gains[top, k]) / 2))

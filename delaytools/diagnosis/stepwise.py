@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 from delaytools.blocks.block import Sampled
 from delaytools.diagnosis.added import Added
 from delaytools.diagnosis.case import Case
-from delaytools.diagnosis.noise import difference_noise
 from delaytools.diagnosis.places import Spot
 from delaytools.diagnosis.screen import Base, Screened, response
 from delaytools.diagnosis.views import View
+from delaytools.estimation.noise_level import difference_noise
 from delaytools.loop.port import Port
 from delaytools.signals.record import Record
 
@@ -97,7 +97,7 @@ def _best_step(base: Base, spot: Spot, signals: tuple[Array, ...]) -> Screened |
     near = steps[top] + apart * np.linspace(-1, 1, 31)
     fine = np.array([_gain(base, spot, step) for step in near])
     best = int(np.argmax(fine))
-    sure = near[fine > fine[best] - 4.0]
+    sure = near[fine >= fine[best] - 4.0]
     error = max((sure[-1] - sure[0]) / 4, apart / 60)
     values = {"step": float(near[best])}
     one = Added(spot.kind, str(spot.port), values, {}, frozenset({"step"}), {}, {"step": float(error)})
@@ -173,8 +173,9 @@ def _drawn(case: Case, at: str, period: float) -> tuple[Case, float]:
     records, lost, ticks = [], 0, 0
     nominal = tuple(p.value for p in case.parameters(()))
     for log, record in enumerate(case.records):
-        rows = np.arange(0, record.time[-1] - record.time[0] + 1e-9, period) / case.step
-        rows = np.round(rows).astype(int)
+        time = record.time - record.time[0]
+        instants = np.arange(0, time[-1] + 1e-9, period) + 1e-3 * case.step
+        rows = np.unique(np.searchsorted(time, instants, side="right") - 1)  # one where a gap hides several
         flags = np.full(len(record), KEPT)
         flags = _decided(case, (one, nominal), (log, column, rows), flags)
         lost, ticks = lost + int(np.sum(flags[rows] == LOST)), ticks + len(rows)

@@ -53,8 +53,10 @@ class View:
     def is_held(self, port: Port) -> bool:
         """Whether the signal at a port is constant between ticks."""
         loop, record = self.loop, self.case.records[0]
-        wired = loop[port.element].inputs
-        names = wired[port.name].names if port.kind == "input" else self.case.segment.loop[port.element].outputs.values()
+        if port.kind == "input":
+            names = loop[port.element].inputs[port.name].names
+        else:
+            names = (self.case.segment.loop[port.element].outputs[port.name],)
         held = self._held | {n for n in loop.externals if n.removesuffix("@read") in record.held}
         return all(name in held for name in names if name not in loop.parameters)
 

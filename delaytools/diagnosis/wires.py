@@ -84,9 +84,9 @@ class Way:
         found = []
         for log, (_, later) in enumerate(self._pulses):
             size = next_fast_len(2 * len(later), real=True)
-            parts = self.case.unfiltered(residual, log)
-            sent = np.fft.irfft(np.fft.rfft(later, size, axis=0).conj() * np.fft.rfft(parts, size, axis=0), size, axis=0)
-            found.append(sent[: len(later)].sum(axis=1))
+            through = np.fft.rfft(later, size, axis=0).conj()
+            product = through * np.fft.rfft(self.case.unfiltered(residual, log), size, axis=0)
+            found.append(np.fft.irfft(product.sum(axis=1), size)[: len(later)])
         return tuple(found)
 
     def moved(self, changes: tuple[Array, ...]) -> tuple[Array, ...]:
@@ -167,7 +167,7 @@ def own_way(view: View, one: Added) -> Element | None:
 @final
 @dataclass(frozen=True, eq=False)
 class _Wire:
-    """Where an effect stands: rows (s), the signal before them, whether it is held, and whether it is measured there."""
+    """Where an effect stands: rows (s), the signal before them; whether it is held, and whether it is measured."""
 
     time: Array
     before: float

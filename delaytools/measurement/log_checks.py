@@ -7,10 +7,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delaytools.measurement.formats.table import Table
+from delaytools.measurement.rasters import usual_step
+from delaytools.signals.record import Record
 from delaytools.signals.trouble import LogError, UnitError
 from delaytools.signals.units import convert
 
-__all__ = ["Wishes", "check_names", "finite", "left_out_note", "rising", "unit_error"]
+__all__ = ["Wishes", "check_names", "check_raster", "finite", "left_out_note", "rising", "unit_error"]
+
+FACTOR = 5e3  # between rows and frame
+LARGEST = 1e30  # fill values are larger; squares of what is smaller do not overflow
 
 
 class Wishes(Protocol):
@@ -50,9 +55,11 @@ def check_names(path: str, tables: Sequence[Table], mapping: Wishes) -> None:
 def finite(
     path: str, table: Table, column: str, values: NDArray[Any], *, problem: str = "not a finite number"
 ) -> None:
-    """Raises LogError for NaN and infinities, at the first row that holds one."""
+    """Raises LogError for NaN, infinities and what only fills a gap, at the first row that holds one."""
     if values.dtype.kind == "f":
-        _row_error(_place(path, "row {}", f"column {column}"), table, ~np.isfinite(values), problem)
+        where = _place(path, "row {}", f"column {column}")
+        _row_error(where, table, ~np.isfinite(values), problem)
+        _row_error(where, table, np.abs(values) > LARGEST, "no number that a bench can show")
 
 
 def rising(path: str, table: Table, column: str, time: NDArray[np.float64]) -> None:
@@ -89,3 +96,12 @@ def left_out_note(lost: Mapping[str, str]) -> tuple[str, ...]:
     if not lost:
         return ()
     return ("left out: " + ", ".join(f"{name} ({reason})" for name, reason in lost.items()),)
+
+
+def check_raster(record: Record, frame: float) -> None:
+    """Raises LogError where rows are so much longer or shorter than a design's frame (s) that their unit is another."""
+    usual = usual_step(record)
+    if not frame / FACTOR < usual < FACTOR * frame:
+        found = f"rows {usual:g} s apart, the design's frame is {frame:g} s"
+        where, advice = record.source.split("; ")[0], "is its time in another unit? write time[ms] or the like"
+        raise LogError("a log in another time than the design", where=where, found=found, advice=advice)

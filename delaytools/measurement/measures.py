@@ -11,7 +11,7 @@ from scipy.optimize import minimize_scalar
 
 from delaytools.measurement.comparison import Figures, Shift, Theil
 
-__all__ = ["Trace", "best_shift", "difference_noise", "figures", "fit_percent", "resolution", "rms", "theil"]
+__all__ = ["Trace", "best_shift", "figures", "fit_percent", "resolution", "rms", "theil"]
 
 Array = NDArray[np.float64]
 Trace = tuple[Array, Array, Array]  # time, measured, modelled
@@ -23,13 +23,6 @@ FLAT = 1e-12  # of a signal's size: below it, it does not move
 def rms(values: Array) -> float:
     """√ of the mean square."""
     return float(np.sqrt(np.mean(values**2))) if len(values) else 0.0
-
-
-def difference_noise(values: Array) -> float:
-    """Standard deviation of white noise on a smooth signal, rows evenly spaced: median |4th difference|/0.6745/√70."""
-    if len(values) < 16:
-        return 0.0
-    return float(np.median(np.abs(np.diff(values, 4))) / 0.6745 / math.sqrt(70.0))
 
 
 def resolution(values: Array) -> float:

@@ -7,11 +7,13 @@ from typing import final
 import numpy as np
 from numpy.typing import NDArray
 
+from delaytools.estimation.noise_level import difference_noise
 from delaytools.loop.loop import Loop
 from delaytools.loop.network import network
 from delaytools.loop.segments import Segment
 from delaytools.loop.values import resolve
-from delaytools.measurement.measures import Trace, difference_noise, resolution
+from delaytools.measurement.log_checks import check_raster
+from delaytools.measurement.measures import Trace, resolution
 from delaytools.measurement.staircase import with_staircases_held
 from delaytools.signals.record import Record
 from delaytools.signals.trouble import DelaytoolsError
@@ -49,6 +51,7 @@ def prepared(loop: Loop, records: Sequence[Record]) -> tuple[tuple[Record, ...],
     """
     held, found, words = network(resolve(loop)).held_signals, [], list[str]()
     for record in records:
+        check_raster(record, loop.frame)
         marked, said = with_staircases_held(record)
         steps = {
             n for n in loop.externals if n in record and 0 < np.mean(np.diff(record[n]) != 0) < PIECEWISE

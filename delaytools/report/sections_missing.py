@@ -49,7 +49,9 @@ def _lead(found: Diagnosis) -> str:
     if perhaps:
         parts.append(f"Perhaps it lacks {listed(perhaps)}: the logs leave it open.")
     if found.unexplained:
-        parts.append(f"No known effect explains all of {listed([one.signal for one in found.unexplained])}.")
+        signals = listed([one.signal for one in found.unexplained])
+        cut_short = f"The search was over before all of {signals} was explained."
+        parts.append(cut_short if found.budget_exhausted else f"No known effect explains all of {signals}.")
     return " ".join(parts) or "Nothing is missing from the model."
 
 
@@ -138,7 +140,7 @@ def _known(one: Missing) -> str:
 def _left(found: Diagnosis) -> list[str]:
     words = []
     for one in found.unexplained:
-        found_in = [f"{number(low)} to {number(high)} Hz" for low, high in one.bands]
+        found_in = [f"{number(low)} to {number(high)} Hz" for low, high in one.stretches]
         bands = listed(found_in) if found_in else "no single band"
         hint = f" Hint: {one.hint.rstrip('.')}." if one.hint else ""
         share = f"{100 * one.share_of_error:.1f} % of the squared error"
@@ -152,8 +154,9 @@ def _left(found: Diagnosis) -> list[str]:
 def _next(found: Diagnosis) -> list[str]:
     if found.next_experiment is None:
         return []
-    table = ", ".join(f"{name} = {value}" for name, value in found.next_experiment.input.items())
-    return [f"Next experiment: {found.next_experiment.why.rstrip('.')}. Input: {table}."]
+    asked = found.next_experiment.input  # empty, or what to measure, where no input would decide
+    table = ", ".join(f"{name} = {value}" for name, value in asked.items() if name != "measure")
+    return [f"Next experiment: {found.next_experiment.why.rstrip('.')}.{f' Input: {table}.' if table else ''}"]
 
 
 def _tolerated(found: Diagnosis) -> list[str]:

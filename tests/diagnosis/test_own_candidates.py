@@ -9,6 +9,7 @@ from delaytools.blocks.block import Scalar, value
 from delaytools.blocks.formula import FormulaBlock
 from delaytools.design.catalogue import with_effects
 from delaytools.diagnosis.added import Added
+from delaytools.diagnosis.diagnose import Effort, diagnose
 from delaytools.diagnosis.fitting import fit_hypothesis
 from delaytools.diagnosis.own_candidates import own_candidates
 from delaytools.diagnosis.screen import base_of, screened
@@ -18,6 +19,7 @@ from delaytools.loop.loop import Loop
 from delaytools.signals.expression import Expression
 from delaytools.signals.stimulus import Multisine
 from tests.diagnosis.small_cases import ACTUATOR, fitted, planted
+from tests.measurement.bench_logs import bench_design, bench_log
 
 INPUT = Multisine(amplitude=2.0, from_frequency=0.3, to_frequency=8.0, lines=20)
 
@@ -51,6 +53,15 @@ def test_it_is_screened_and_fitted() -> None:
         after = fit_hypothesis(case, (best.added,), near=null)
         assert after.added[0].values["bend"] == pytest.approx(0.03, rel=0.02)
         assert after.chi2 < 1.1 * len(after.residual)
+
+
+def test_a_diagnosis_finds_it_in_a_log() -> None:
+    with with_effects(BentEffect):
+        log = bench_log({"type": "bent", "at": "actuator.output", "bend": 0.05}, duration=4.0)
+        found = diagnose(bench_design(), [log], effort=Effort(processes=1, budget=60.0, signals=("fin",)))
+    assert found.verdict == "missing"
+    assert [(one.effect, one.at) for one in found.missing] == [("bent", "actuator.output")]
+    assert found.missing[0].parameters["bend"].value == pytest.approx(0.05, rel=0.02)
 
 
 def test_without_one_there_is_none() -> None:

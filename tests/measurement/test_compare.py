@@ -13,9 +13,10 @@ from delaytools.cli.measured import comparison_answer
 from delaytools.design.build import build
 from delaytools.design.edit import with_effect
 from delaytools.design.file import read_design
+from delaytools.estimation.noise_level import difference_noise
 from delaytools.measurement.compare import compare
 from delaytools.measurement.log_file import Columns, read_log
-from delaytools.measurement.measures import best_shift, difference_noise, figures, fit_percent, theil
+from delaytools.measurement.measures import best_shift, figures, fit_percent, theil
 from delaytools.measurement.residual_spectra import holm, spectra, windowed
 from delaytools.signals.record import Record
 from delaytools.signals.trouble import AnalysisError

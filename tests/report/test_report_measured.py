@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from delaytools.design.design import parse_design
+from delaytools.diagnosis.answer import NextExperiment, Unexplained
 from delaytools.measurement.compare import compare
 from delaytools.report.contents import gather
 from delaytools.report.evidence import Evidence
@@ -71,6 +72,21 @@ def test_the_chapter_of_what_is_missing(record: Record) -> None:
         "Linear margins do not see dead_band@actuator.input", "a log note",
     ):  # fmt: skip
         assert part in text, part
+
+
+def test_a_search_cut_short_does_not_say_that_nothing_explains_it(record: Record) -> None:
+    left = Unexplained("rate", 0.1, ((8.0, 16.0), (1.0, 2.0), (2.0, 4.0)), "")
+    found = diagnosis(verdict="unexplained", unexplained=(left,), budget_exhausted=True)
+    text = everything(sections(Evidence(("run.csv",), compare(bench_design(), [record]), found))["missing"])
+    assert "The search was over before all of rate was explained." in text and "No known effect" not in text
+    assert "(1 to 4 Hz and 8 to 16 Hz)" in text
+
+
+def test_a_next_experiment_without_an_input_names_none(record: Record) -> None:
+    asked = NextExperiment("measure the actuator alone", {}, 0.0)
+    found = diagnosis(DELAY, verdict="missing", next_experiment=asked)
+    text = everything(sections(Evidence(("run.csv",), compare(bench_design(), [record]), found))["missing"])
+    assert "Next experiment: measure the actuator alone." in text and "Input:" not in text
 
 
 def test_margins_before_and_after(record: Record) -> None:
