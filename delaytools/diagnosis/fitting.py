@@ -17,7 +17,7 @@ __all__ = ["Fitted", "fit_hypothesis"]
 Array = NDArray[np.float64]
 TOLERANCE = 1e-7
 _STEPS = 24
-_QUICK = 14  # evaluations of a fit that only ranks
+_QUICK = 10  # evaluations of a fit that only ranks
 
 
 @final

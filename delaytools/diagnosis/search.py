@@ -12,7 +12,7 @@ from delaytools.diagnosis.case import Case
 from delaytools.diagnosis.fitting import Fitted, fit_hypothesis
 from delaytools.diagnosis.heldout import HeldOut, held_out
 from delaytools.diagnosis.noise import incoherent_spectrum
-from delaytools.diagnosis.noise_of import noise_of
+from delaytools.diagnosis.noise_of import EXACT, column_noise, noise_of
 from delaytools.diagnosis.proposals import PENALTY, proposals
 from delaytools.diagnosis.stepwise import with_draws
 from delaytools.diagnosis.upgrades import richer
@@ -28,6 +28,9 @@ MOST = 3
 SHORTEST = 0.5  # rows: a shorter delay or lag may be the way in which rows are joined
 QUICK = 1e-4
 NEAR = 400.0  # χ² within which a rival is fitted again when the noise is known better
+ALWAYS, PROMISING = 4, 0.6  # candidates fitted in any case; others where they promise this part of what was found
+REFITTED = 4  # candidates fitted again when the noise is known better
+LOUD = 5.0  # times the least noise that there can be: a residual above it is the missing effect's for the most part
 FAR = 0.3  # of a design's value: where a fit has moved one further, it may stand in for the effect that is missing
 
 
@@ -92,14 +95,34 @@ def _left(case: Case, fitted: Fitted) -> float:
     return float(len(fitted.residual)) if case.pieces else fitted.chi2
 
 
+def _is_loud(case: Case, fitted: Fitted, carried: tuple[Array, ...]) -> bool:
+    """Whether some exit's residual is far above the noise that its own differences and its inputs' noise show.
+
+    What the loop does with its own noise goes with no outside signal. Where that is most of what an exit does, the
+    filters of a hypothesis that is far from the truth take the truth for noise.
+    """
+    outputs = case.outputs(fitted.added, fitted.values)
+    for j, exit in enumerate(case.exits):
+        left = np.concatenate([m[:, j] - y[:, j] for m, y in zip(case.measured, outputs, strict=True)])
+        own = max(column_noise(r[exit], exit in r.held) for r in case.records)
+        floor = np.hypot(own, float(np.std(carried[j])) if len(carried[j]) else 0.0)
+        spread = max(float(np.std(m[:, j])) for m in case.measured)
+        if exit not in case.records[0].held and left.std() > LOUD * max(floor, EXACT * spread):
+            return True
+    return False
+
+
 def _step(
     case: Case, fitted: Fitted, carried: tuple[Array, ...], deadline: float
 ) -> tuple[Fitted | None, list[Fitted], Case]:
     """The hypothesis with the best effect more, its rivals, and the case seen through the noise that it leaves."""
-    rough, base = (case.roughly(), _refit(case.roughly(), fitted) or fitted) if case.pieces else (case, fitted)
+    rough, base = case, fitted
+    if case.pieces or _is_loud(case, fitted, carried):
+        rough = case.roughly()
+        base = _refit(rough, fitted) or fitted
     found = proposals(rough, base)
-    hypotheses = [(*base.added, one.added) for one in found]
-    hypotheses += richer(rough, base, least=0.5 * max((one.gain for one in found), default=0.0))
+    more = richer(rough, base, least=0.5 * max((one.gain for one in found), default=0.0))
+    hypotheses = [*((added, np.inf) for added in more), *(((*base.added, one.added), one.gain) for one in found)]
     tried = _fits(rough, base, hypotheses, deadline)
     if not tried:
         return None, [], case
@@ -109,16 +132,22 @@ def _step(
         t
         for k, t in enumerate(tried)
         if _cost(t) < _cost(best) + max((0.3 if k < 3 else 0.0) * best.chi2, 400.0)
-    ][:6]
+    ][:REFITTED]
     again = sorted((f for t in near if (f := _refit(seen, t)) is not None), key=_cost)
     return again[0], again[1:], seen
 
 
-def _fits(case: Case, fitted: Fitted, hypotheses: list[tuple[Added, ...]], deadline: float) -> list[Fitted]:
+def _fits(
+    case: Case, fitted: Fitted, hypotheses: list[tuple[tuple[Added, ...], float]], deadline: float
+) -> list[Fitted]:
+    """Each hypothesis fitted, with the χ² that it promised; those that promise far less than was found are left out."""
     tried, starts = [], _starts(case, fitted)
-    for added in hypotheses:
+    for place, (added, promised) in enumerate(hypotheses):
         if time.monotonic() > deadline and tried:
             break
+        found = max((fitted.chi2 - one.chi2 for one in tried), default=0.0)
+        if place >= ALWAYS and promised < PROMISING * found:
+            continue
         for near in starts:
             try:
                 tried.append(fit_hypothesis(case, added, near=near, tolerance=QUICK))
@@ -205,7 +234,7 @@ def _swapped(
             break
         rest = tuple(one for k, one in enumerate(fitted.added) if k != place)
         without = fit_hypothesis(case, rest, near=fitted, tolerance=QUICK)
-        found = [(*without.added, one.added) for one in proposals(case, without)[:8]]
+        found = [((*without.added, one.added), one.gain) for one in proposals(case, without)[:8]]
         tried = _fits(case, without, found, deadline)
         again = sorted((f for t in tried[:4] if (f := _refit(case, t)) is not None), key=_cost)
         if again and _cost(again[0]) < _cost(fitted) - 1.0:
