@@ -22,7 +22,7 @@ __all__ = ["Compiled", "call_at", "compile_loop", "initial_state", "mapped_rows"
 
 Array = NDArray[np.float64]
 ROWS_PER_CHUNK = 500
-KEPT_NUMBERS = 1_000_000  # of a run's data that are kept for the next run
+KEPT_NUMBERS = 1_000_000  # of an input's values that are kept for the next run
 ROWS_PER_DATA_CHUNK = 100  # building a map of calls that gather costs more than running it
 
 
@@ -36,7 +36,7 @@ class Compiled:
     frames: int
     frame: float
     stimuli: Mapping[str, Stimulus]
-    _sampled: list[Array] = field(default_factory=list, init=False, repr=False)
+    _sampled: dict[str, tuple[Stimulus, list[Array]]] = field(default_factory=dict, repr=False)
 
 
 def compile_loop(
@@ -110,15 +110,9 @@ def call_at(compiled: Compiled, frame: int) -> int:
 
 def prepared_data(compiled: Compiled) -> Array:
     """(calls, width): what every call takes besides its state."""
-    if compiled._sampled:
-        return compiled._sampled[0]
     calls, starts, lengths = _spans(compiled)
     data = _external_data(compiled, starts, lengths, calls)
-    if compiled.call.data is not None:
-        data = np.hstack([data, compiled.call.data[:calls]])
-    if data.size < KEPT_NUMBERS:
-        compiled._sampled.append(data)
-    return data
+    return data if compiled.call.data is None else np.hstack([data, compiled.call.data[:calls]])
 
 
 def trimmed(compiled: Compiled, table: Array) -> Array:
@@ -145,32 +139,42 @@ def _spans(compiled: Compiled) -> tuple[int, Array, Array]:
 
 def _external_data(compiled: Compiled, start: Array, length: Array, calls: int) -> Array:
     """(calls, spans x per_span): values at start (after a jump), middle and end (before it), slopes, time."""
-    inputs = compiled.call.inputs
-    columns: list[Array] = []
-    names = compiled.model.layout.externals
-    edge = 1e-9 * compiled.frame
-    sampled = [
-        [_at(compiled, n, start + part * length, edge * side) for n in names] for part, side in _STAGES
-    ]
-    columns += [values for stage in sampled for values in stage]
+    inputs, names = compiled.call.inputs, compiled.model.layout.externals
+    points = [_points(compiled, name, (start, length)) for name in names]
+    columns = [values[stage] for stage in range(3) for values in points]
     if inputs.points == 5:
-        quarter = [[_at(compiled, n, start + part * length, 0.0) for n in names] for part in (0.25, 0.75)]
         for weights in _SLOPES:
-            for k in range(len(names)):
-                five = (sampled[0][k], quarter[0][k], sampled[1][k], quarter[1][k], sampled[2][k])
-                columns.append(sum(w * v for w, v in zip(weights, five, strict=True)) / 3)
+            for a, b, c, d, e in points:
+                five = zip(weights, (a, d, b, e, c), strict=True)
+                columns.append(sum(w * v for w, v in five) / 3)
     if compiled.model.needs_time:
         columns.append(start)
     table = np.stack(columns, axis=1) if columns else np.zeros((len(start), 0))
     return table.reshape(calls, -1)
 
 
+def _points(compiled: Compiled, name: str, spans: tuple[Array, Array]) -> list[Array]:
+    """An external input at start, middle and end of every span, and at the quarters where slopes are wanted.
+
+    Kept for the next run while the stimulus is the same.
+    """
+    stimulus, (start, length) = compiled.stimuli.get(name, Zero()), spans
+    known = compiled._sampled.get(name)
+    if known is not None and known[0] is stimulus:
+        return known[1]
+    edge = 1e-9 * compiled.frame
+    quarters = ((0.25, 0.0), (0.75, 0.0)) if compiled.call.inputs.points == 5 else ()
+    found = [_at(stimulus, start + part * length, edge * side) for part, side in (*_STAGES, *quarters)]
+    if len(found) * len(start) < KEPT_NUMBERS:
+        compiled._sampled[name] = (stimulus, found)
+    return found
+
+
 _STAGES = ((0.0, 1.0), (0.5, 0.0), (1.0, -1.0))
 _SLOPES = ((-25.0, 48.0, -36.0, 16.0, -3.0), (3.0, -16.0, 36.0, -48.0, 25.0))
 
 
-def _at(compiled: Compiled, name: str, t: Array, shift: float) -> Array:
-    stimulus = compiled.stimuli.get(name, Zero())
+def _at(stimulus: Stimulus, t: Array, shift: float) -> Array:
     jumpy = shift if len(stimulus.jumps) else 0.0
     return np.asarray(stimulus.value(t + jumpy), dtype=float)
 
