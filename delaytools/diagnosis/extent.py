@@ -11,6 +11,7 @@ from delaytools.signals.trouble import AnalysisError
 __all__ = ["searched_rows"]
 
 FEWEST = 100  # rows: noise and the past of the inputs cannot be told apart by fewer
+LEAST = 16  # rows of one log among several
 MOST = 200_000  # rows of all logs together
 
 
@@ -20,12 +21,13 @@ def searched_rows(records: Sequence[Record]) -> tuple[tuple[Record, ...], tuple[
     The first ones, since a run begins at rest, or as [log] says.
     Raises AnalysisError for a log of a few rows, and where nothing moves.
     """
-    for record in records:
-        if len(record) < FEWEST:
-            raise AnalysisError(
-                f"a diagnosis needs {FEWEST} rows or more", where=record.source.split("; ")[0],
-                found=f"{len(record)}", advice="log a longer run; compare works with fewer",
-            )  # fmt: skip
+    shortest = min(records, key=len)
+    rows = sum(map(len, records))
+    if rows < FEWEST or len(shortest) < LEAST:
+        raise AnalysisError(
+            f"a diagnosis needs {FEWEST} rows or more, {LEAST} of each log", where=shortest.source.split("; ")[0],
+            found=f"{rows} in all, {len(shortest)} here", advice="log a longer run; compare works with fewer",
+        )  # fmt: skip
     if not any(np.ptp(r[name]) > 0 for r in records for name in r.names):
         raise AnalysisError(
             "no column ever changes: a bench at rest shows nothing of what a design may lack",
