@@ -27,7 +27,6 @@ IN_A_BAND = 1.5  # times the noise density, where an effect is small in all
 MOST = 3
 SHORTEST = 0.5  # rows: a shorter delay or lag may be the way in which rows are joined
 QUICK = 1e-4
-NEAR = 400.0  # χ² within which a rival is fitted again when the noise is known better
 ALWAYS, PROMISING = 4, 0.6  # candidates fitted in any case; others where they promise this part of what was found
 REFITTED = 4  # candidates fitted again when the noise is known better
 LOUD = 5.0  # times the least noise that there can be: a residual above it is the missing effect's for the most part

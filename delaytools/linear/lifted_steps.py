@@ -9,7 +9,7 @@ from math import ceil, floor, lcm
 from typing import final
 
 import numpy as np
-from scipy.linalg import expm
+from scipy.linalg import expm, matrix_balance
 
 from delaytools.linear.lifted_paths import Expansion
 from delaytools.linear.matrices import RealMatrix, joined_diagonally
@@ -145,7 +145,8 @@ def _held_response(expansion: Expansion, duration: float) -> tuple[RealMatrix, R
     n, m = expansion.B.shape
     joined = np.zeros((n + m, n + m))
     joined[:n, :n], joined[:n, n:] = expansion.A * duration, expansion.B * duration
-    power = expm(joined)
+    balanced, (scale, _) = matrix_balance(joined, permute=False, separate=True)
+    power = scale[:, None] * expm(balanced) / scale  # powers of 2: nothing is lost, and small states keep their digits
     return power[:n, :n], power[:n, n:]
 
 
