@@ -12,12 +12,11 @@ from delaytools.diagnosis.case import Case
 from delaytools.estimation.least_squares import estimate
 from delaytools.signals.parameter import Parameter
 
-__all__ = ["Fitted", "fit_hypothesis"]
+__all__ = ["STEPS", "TOLERANCE", "Fitted", "fit_hypothesis"]
 
 Array = NDArray[np.float64]
 TOLERANCE = 1e-7
-_STEPS = 24
-_QUICK = 10  # evaluations of a fit that only ranks
+STEPS = 24  # evaluations of a fit
 
 
 @final
@@ -26,13 +25,14 @@ class Fitted:
     """The best of one hypothesis.
 
     added: effects with fitted values. parameters: everything that was free, with std. residual (rows,) whitened and
-    jacobian (rows, free) ∂residual/∂value, at the best values.
+    jacobian (rows, free) ∂residual/∂value, at the best values. is_settled: whether the fit came to its end.
     """
 
     added: tuple[Added, ...]
     parameters: tuple[Parameter, ...]
     residual: Array
     jacobian: Array
+    is_settled: bool = True
 
     @property
     def chi2(self) -> float:
@@ -62,10 +62,11 @@ def fit_hypothesis(
     near: Fitted | None = None,
     mask: NDArray[np.bool_] | None = None,
     tolerance: float = TOLERANCE,
+    evaluations: int = STEPS,
 ) -> Fitted:
     """The hypothesis with its values where Σ residual² is least; `near` gives starts for tolerated values.
 
-    mask: rows that count (default: all).
+    mask: rows that count (default: all). tolerance: of χ² and values, relative. evaluations: at most so many runs.
     """
     known = near.by_path if near else {}
     start = [
@@ -94,10 +95,10 @@ def fit_hypothesis(
 
     found = estimate(
         residual, start, jacobian=lambda x: both(x)[1][keep], coloured=False, tolerance=tolerance,
-        evaluations=_STEPS if tolerance <= TOLERANCE else _QUICK,
+        evaluations=evaluations,
     )  # fmt: skip
     whole, slopes = both(np.array([p.value for p in found.parameters]))
-    return Fitted(_placed(added, found.parameters), found.parameters, whole, slopes)
+    return Fitted(_placed(added, found.parameters), found.parameters, whole, slopes, found.success)
 
 
 def _inside(value: float, bounds: Parameter) -> float:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from delaytools.blocks.block import specifications
 from delaytools.design.catalogue import EFFECTS
-from delaytools.diagnosis.added import Added
+from delaytools.diagnosis.added import FIRST_NUMBER, Added
 from delaytools.diagnosis.case import Case
 from delaytools.diagnosis.fitting import Fitted
 from delaytools.diagnosis.starts import LINEAR, Candidate
@@ -19,7 +19,7 @@ from delaytools.diagnosis.wires import Way, change_at, own_way, way_of
 from delaytools.loop.port import find_port
 from delaytools.signals.trouble import DelaytoolsError
 
-__all__ = ["Base", "Screened", "base_of", "response", "screened"]
+__all__ = ["Base", "Screened", "base_of", "response", "response_instead", "screened"]
 
 Array = NDArray[np.float64]
 STIFFEST = 10.0  # level over smoothing, in 1/row, beyond which friction is not resolved
@@ -94,16 +94,25 @@ def base_of(case: Case, fitted: Fitted) -> Base:
 def response(base: Base, one: Added) -> Array | None:
     """(rows,) whitened change of the exits when the effect is added at its values; None where the run fails."""
     change = base.moved_by(one)
-    if change is None:
-        change = _simulated(base, one)
+    return _whitened(base, _simulated(base, (*base.fitted.added, one)) if change is None else change)
+
+
+def response_instead(base: Base, place: int, one: Added) -> Array | None:
+    """(rows,) whitened change of the exits when the effect stands, at its values, instead of a fitted one."""
+    added = base.fitted.added
+    return _whitened(base, _simulated(base, (*added[:place], one, *added[place + 1 :]), place))
+
+
+def _whitened(base: Base, change: tuple[Array, ...] | None) -> Array | None:
     if change is None or not all(np.isfinite(rows).all() and np.abs(rows).max(initial=0) < 1e100 for rows in change):
         return None
     return base.case.whitened(change)
 
 
-def _simulated(base: Base, one: Added) -> tuple[Array, ...] | None:
-    added = (*base.fitted.added, one)
-    known = {p.path: p.value for p in base.fitted.parameters}
+def _simulated(base: Base, added: tuple[Added, ...], other: int | None = None) -> tuple[Array, ...] | None:
+    """How the exits move with these effects, of which that at the place `other` is at its own values."""
+    mine = f"effects.{FIRST_NUMBER + other}." if other is not None else " "
+    known = {p.path: p.value for p in base.fitted.parameters if not p.path.startswith(mine)}
     values = tuple(known.get(p.path, p.value) for p in base.case.parameters(added))
     try:
         outputs = base.case.outputs_nearly(added, values)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from delaytools.diagnosis.added import Added
 from delaytools.diagnosis.case import Case
-from delaytools.diagnosis.fitting import Fitted, fit_hypothesis
+from delaytools.diagnosis.fitting import STEPS, TOLERANCE, Fitted, fit_hypothesis
 from delaytools.diagnosis.heldout import HeldOut, held_out
 from delaytools.diagnosis.noise import incoherent_spectrum
 from delaytools.diagnosis.noise_of import EXACT, column_noise, noise_of
@@ -27,8 +27,12 @@ IN_A_BAND = 1.5  # times the noise density, where an effect is small in all
 MOST = 3
 SHORTEST = 0.5  # rows: a shorter delay or lag may be the way in which rows are joined
 QUICK = 1e-4
+FEW, MORE = 4, 10  # runs of a first fit that only ranks, and of one that is worth going on with
+HALF = 0.5  # of what the best took off: what took off less after a few runs is left
 ALWAYS, PROMISING = 4, 0.6  # candidates fitted in any case; others where they promise this part of what was found
 REFITTED = 4  # candidates fitted again when the noise is known better
+NEAR, FARTHEST = 0.3, 400.0  # of the best one's χ², and χ²: how much worse they may be
+CLOSE = 60.0  # χ²: a hypothesis worse by more is not fitted to the end, since nothing would make it as good
 LOUD = 5.0  # times the least noise that there can be: a residual above it is the missing effect's for the most part
 FAR = 0.3  # of a design's value: where a fit has moved one further, it may stand in for the effect that is missing
 
@@ -64,7 +68,8 @@ def search(case: Case, carried: tuple[Array, ...], *, deadline: float = np.inf) 
         best, others, seen = _step(case, fitted, carried, deadline)
         if best is None:
             break
-        if not _worthwhile(seen, fitted, best, carried):
+        before = _refit(seen, fitted)
+        if before is not None and not _worthwhile(seen, before, best, carried):
             small.append(best.added[-1])
             break
         kept = [k for k, one in enumerate(fitted.added) if one.key in {b.key for b in best.added}]
@@ -127,32 +132,55 @@ def _step(
         return None, [], case
     best = tried[0]
     seen = case.whitened_by(noise_of(case, best, carried))
-    near = [
-        t
-        for k, t in enumerate(tried)
-        if _cost(t) < _cost(best) + max((0.3 if k < 3 else 0.0) * best.chi2, 400.0)
-    ][:REFITTED]
-    again = sorted((f for t in near if (f := _refit(seen, t)) is not None), key=_cost)
+    again = _again(seen, tried, best)
     return again[0], again[1:], seen
 
 
+def _again(case: Case, tried: list[Fitted], best: Fitted) -> list[Fitted]:
+    """Hypotheses that may be as good as the best, cheapest first: fitted again roughly, the nearest to the end."""
+    near = [
+        t for k, t in enumerate(tried)
+        if _cost(t) < _cost(best) + max((NEAR if k < 3 else 0.0) * best.chi2, FARTHEST)
+    ][:REFITTED]  # fmt: skip
+    rough = [f for t in near if (f := _refit(case, t, tolerance=QUICK, evaluations=MORE)) is not None]
+    least = min(map(_cost, rough), default=np.inf)
+    ends = [_refit(case, one) if _cost(one) < least + CLOSE else one for one in rough]
+    return sorted((one for one in ends if one is not None), key=_cost)
+
+
 def _fits(
-    case: Case, fitted: Fitted, hypotheses: list[tuple[tuple[Added, ...], float]], deadline: float
+    case: Case,
+    fitted: Fitted,
+    hypotheses: list[tuple[tuple[Added, ...], float]],
+    deadline: float,
+    *,
+    known: float = 0.0,
 ) -> list[Fitted]:
-    """Each hypothesis fitted, with the χ² that it promised; those that promise far less than was found are left out."""
-    tried, starts = [], _starts(case, fitted)
+    """Each hypothesis fitted, with the χ² that it promised; those that promise far less than was found are left out.
+
+    known: χ² that something else is known to take off.
+    """
+    starts = _starts(case, fitted)
+    tried: list[Fitted] = []
     for place, (added, promised) in enumerate(hypotheses):
         if time.monotonic() > deadline and tried:
             break
         found = max((fitted.chi2 - one.chi2 for one in tried), default=0.0)
-        if place >= ALWAYS and promised < PROMISING * found:
-            continue
-        for near in starts:
-            try:
-                tried.append(fit_hypothesis(case, added, near=near, tolerance=QUICK))
-            except (DelaytoolsError, np.linalg.LinAlgError, ValueError):
-                continue
+        if place < ALWAYS or promised >= PROMISING * found:
+            tried += [f for near in starts if (f := _attempt(case, added, near, FEW)) is not None]
+    found = max((fitted.chi2 - one.chi2 for one in tried), default=0.0)
+    for place, one in enumerate(tried):
+        if not one.is_settled and fitted.chi2 - one.chi2 >= HALF * max(found, known) and time.monotonic() < deadline:
+            tried[place] = _attempt(case, one.added, one, MORE) or one
     return sorted(_best_of_each(tried), key=_cost)
+
+
+def _attempt(case: Case, added: tuple[Added, ...], near: Fitted | None, evaluations: int) -> Fitted | None:
+    """A rough fit; None where it fails."""
+    try:
+        return fit_hypothesis(case, added, near=near, tolerance=QUICK, evaluations=evaluations)
+    except (DelaytoolsError, np.linalg.LinAlgError, ValueError):
+        return None
 
 
 def _starts(case: Case, fitted: Fitted) -> tuple[Fitted | None, ...]:
@@ -171,9 +199,11 @@ def _best_of_each(tried: list[Fitted]) -> list[Fitted]:
     return list(best.values())
 
 
-def _refit(case: Case, fitted: Fitted) -> Fitted | None:
+def _refit(
+    case: Case, fitted: Fitted, *, tolerance: float = TOLERANCE, evaluations: int = STEPS
+) -> Fitted | None:
     try:
-        return fit_hypothesis(case, fitted.added, near=fitted)
+        return fit_hypothesis(case, fitted.added, near=fitted, tolerance=tolerance, evaluations=evaluations)
     except (DelaytoolsError, np.linalg.LinAlgError, ValueError):
         return None
 
@@ -191,13 +221,10 @@ def _worthwhile(case: Case, before: Fitted, after: Fitted, carried: tuple[Array,
     """Whether an effect more pays on held-out data, is not lost in the noise, and is longer than rows can tell."""
     if any(after.added[-1].values.get(name, np.inf) < SHORTEST * case.step for name in ("delay", "time_constant")):
         return False
-    without = _refit(case, before)
-    if without is None:
-        return True
-    gain, _ = judged(case, after).better_than(judged(case, without))
-    if gain < NAMED + PENALTY * (after.size - without.size - 1):
+    gain, _ = judged(case, after).better_than(judged(case, before))
+    if gain < NAMED + PENALTY * (after.size - before.size - 1):
         return False
-    return matters(case, without, after, carried)
+    return matters(case, before, after, carried)
 
 
 def matters(case: Case, before: Fitted, after: Fitted, carried: tuple[Array, ...]) -> bool:
@@ -233,15 +260,17 @@ def _swapped(
             break
         rest = tuple(one for k, one in enumerate(fitted.added) if k != place)
         without = fit_hypothesis(case, rest, near=fitted, tolerance=QUICK)
-        found = [((*without.added, one.added), one.gain) for one in proposals(case, without)[:8]]
-        tried = _fits(case, without, found, deadline)
-        again = sorted((f for t in tried[:4] if (f := _refit(case, t)) is not None), key=_cost)
+        here = fitted.added[place].key
+        found = [one for one in proposals(case, without)[:8] if one.added.key != here]
+        hypotheses = [((*without.added, one.added), one.gain) for one in found]
+        tried = _fits(case, without, hypotheses, deadline, known=without.chi2 - fitted.chi2)
+        again = _again(case, tried, min(fitted, *tried, key=_cost)) if tried else []
         if again and _cost(again[0]) < _cost(fitted) - 1.0:
             ordered = (*again[0].added[:place], again[0].added[-1], *again[0].added[place:-1])
             case, fitted = _rewhitened(case, replace(again[0], added=again[0].added), carried)
             fitted = fit_hypothesis(case, ordered, near=fitted)
             again = again[1:]
-        rivals[place] = [r for r in again if r.added[-1].key != fitted.added[place].key]
+        rivals[place] = again
     return case, fitted, rivals
 
 

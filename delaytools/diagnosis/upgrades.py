@@ -8,39 +8,52 @@ from numpy.typing import NDArray
 from delaytools.diagnosis.added import FIRST_NUMBER, Added
 from delaytools.diagnosis.case import Case
 from delaytools.diagnosis.fitting import Fitted
-from delaytools.diagnosis.screen import base_of
+from delaytools.diagnosis.screen import Base, base_of, response_instead
 
 __all__ = ["richer"]
 
 Array = NDArray[np.float64]
 LEAST_GAIN = 60.0
 FASTEST = 10.0  # Hz of a delay's swing
+STICTION = 1.3  # times the level: size at which the direction of a larger breakaway force is taken
+SPEEDS = (3.0, 8.0, 25.0, 80.0)  # times the smoothing width
 
 
 def richer(case: Case, fitted: Fitted, *, least: float) -> list[tuple[Added, ...]]:
     """Hypotheses with one effect in its richer form, put last, where the residual speaks for at least χ² `least`."""
-    found = []
-    for place, one in enumerate(fitted.added):
-        other = _varying(case, fitted, place, least) if one.kind == "delay" else _breaking_away(one)
+    ways = {"delay": _varying, "coulomb_friction": _breaking_away}
+    places = [place for place, one in enumerate(fitted.added) if one.kind in ways]
+    if not places:
+        return []
+    base, found = base_of(case, fitted), []
+    for place in places:
+        other = ways[fitted.added[place].kind](base, place, least)
         if other is not None:
             found.append((*fitted.added[:place], *fitted.added[place + 1 :], other))
     return found
 
 
-def _breaking_away(one: Added) -> Added | None:
-    if one.kind != "coulomb_friction":
-        return None
+def _breaking_away(base: Base, place: int, least: float) -> Added | None:
+    """Friction that is larger at breakaway, at the speed over which it falls that takes most off."""
+    one = base.fitted.added[place]
     level, width = one.values["level"], one.values["smoothing"]
-    values = {"level": 0.9 * level, "stiction": 1.5 * level, "speed": 8 * width, "smoothing": width}
     limits = {**one.limits, "speed": (width, 1e3 * width)}
-    return Added("stribeck_friction", one.at, values, {}, frozenset(), limits)
+    best, most = None, max(LEAST_GAIN, least)
+    for speed in SPEEDS:
+        values = {"level": level, "stiction": STICTION * level, "speed": speed * width, "smoothing": width}
+        richer_one = Added("stribeck_friction", one.at, values, {}, frozenset(), limits)
+        change = response_instead(base, place, richer_one)
+        gain, scale = (0.0, 0.0) if change is None else base.gain(change, -1.0, 10.0)
+        if gain > most:
+            best, most = richer_one.moved({"stiction": level * (1 + scale * (STICTION - 1))}), gain
+    return best
 
 
-def _varying(case: Case, fitted: Fitted, place: int, least: float) -> Added | None:
+def _varying(base: Base, place: int, least: float) -> Added | None:
     """The swing about a fitted delay that takes most off, linear in sin and cos over a grid of frequencies."""
+    case, fitted = base.case, base.fitted
     path = f"effects.{FIRST_NUMBER + place}.delay"
     column = next(k for k, p in enumerate(fitted.parameters) if p.path == path)
-    base = base_of(case, fitted)
     slope, time = -fitted.jacobian[:, column], case.rows.time
     best = (0.0, 0.0, np.zeros(2))
     frequency = 0.25 / case.duration

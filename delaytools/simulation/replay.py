@@ -30,6 +30,7 @@ EVEN = 1e-3  # of the usual step: rows that lie nearer to an even grid are taken
 KEPT = 8  # compiled steps kept at a time
 _STEP = 1e-3  # of a frame or of the value itself, whichever is larger: step of a difference
 BRIEF = 3000  # rows of a run that is over before long calls have paid for their making
+STIFF = 1.0  # |λ| h of a step: errs by about 1e-5 of a signal, where what is measured has noise
 SETTLED = 1.5  # stiffness of friction may grow by this before a run gets more steps
 
 
@@ -173,7 +174,7 @@ class Replay:
             if len(self._compiled) > KEPT:
                 self._compiled.clear()
             self._compiled[key] = compile_loop(
-                framed, self.stimuli, duration=duration, free=self.free, substeps=self.substeps,
+                framed, self.stimuli, duration=duration, free=self.free, substeps=self.substeps, stiffness=STIFF,
                 short=any(row for row, _ in self.begins) or len(self.time) < BRIEF,
             )  # fmt: skip
         return self._compiled[key]

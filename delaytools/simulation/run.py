@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 
 from delaytools.loop.loop import Loop
 from delaytools.signals.stimulus import Column, Stimulus, Zero
+from delaytools.simulation.affine import affine_rows, is_affine, side_by_side
 from delaytools.simulation.anew import Anew, Reset, resets
 from delaytools.simulation.from_data import data_call
 from delaytools.simulation.physics import Physics, physics
 from delaytools.simulation.repeating import repeating_call
-from delaytools.simulation.timing import timing_of
+from delaytools.simulation.timing import STIFFNESS, timing_of
 from delaytools.simulation.unroll import Call
 
 __all__ = ["Compiled", "call_at", "compile_loop", "initial_state", "mapped_rows", "prepared_data", "run", "trimmed"]
@@ -23,6 +24,7 @@ __all__ = ["Compiled", "call_at", "compile_loop", "initial_state", "mapped_rows"
 Array = NDArray[np.float64]
 ROWS_PER_CHUNK = 500
 KEPT_NUMBERS = 1_000_000  # of an input's values that are kept for the next run
+FEW = 2  # times fewer units to try than calls to walk: where matrices pay
 ROWS_PER_DATA_CHUNK = 100  # building a map of calls that gather costs more than running it
 
 
@@ -46,18 +48,20 @@ def compile_loop(
     duration: float,
     free: tuple[str, ...] = (),
     substeps: int | None = None,
+    stiffness: float = STIFFNESS,
     short: bool = False,
 ) -> Compiled:
     """The loop as one CasADi step, for runs of `duration` s; values at the paths in `free` stay symbols.
 
-    short: calls as short as the grid allows, so that a run can begin anew between any two of them.
+    substeps: of a frame; None: so that no |λ| h is above `stiffness`. short: calls as short as the grid allows,
+    so that a run can begin anew between any two of them.
     """
     model = physics(loop, free)
     numeric = physics(loop) if free else model
     jumps = {name: np.asarray(stimuli[name].jumps) for name in model.layout.externals if name in stimuli}
     delays = {name: column for name in model.layout.transports if (column := _column(model, name, stimuli))}
     wakes = _wakes(numeric, stimuli, loop.frame)
-    timing = timing_of(numeric, jumps, substeps=substeps, delays=delays, wakes=wakes)
+    timing = timing_of(numeric, jumps, substeps=substeps, stiffness=stiffness, delays=delays, wakes=wakes)
     frames = round(duration / loop.frame)
     end = (frames + 1) * loop.frame
     call = repeating_call(model, timing, short=short) or data_call(model, timing, end, short=short)
@@ -184,9 +188,12 @@ def mapped_rows(
 ) -> Array:
     """(calls, numbers per call) what `function` gives call after call; driven: (data per call, free values).
 
-    new: entries of the state that are set before some of the calls.
+    new: entries of the state that are set before some of the calls. function: the call's own, or one with tangents.
     """
     data, p = driven
+    if FEW * (len(state) + data.shape[1]) < len(data) and call.once("affine", lambda: is_affine(call.function)):
+        points = call.once(("points", function.name(), len(state)), lambda: side_by_side(function))
+        return affine_rows(points, state, driven, new)
     most = ROWS_PER_CHUNK if call.copies else ROWS_PER_DATA_CHUNK
     edges = sorted({0, len(data), *(one.call for one in new if one.call < len(data))})
     chunk = max(1, min(max(np.diff(edges)), most // call.rows))

@@ -72,16 +72,15 @@ def _with_tangents(call: Call, count: int, sizes: tuple[int, int]) -> ca.Functio
     """
     size, starts = sizes
     function = call.function
-    n, width = function.size1_in(0), function.size1_in(1)
-    both, data, p = ca.MX.sym("both", n * (1 + count + starts)), ca.MX.sym("data", width), ca.MX.sym("p", size)
-    state = both[:n]
-    new, rows = function(state, data, p)
-    tangent = function.forward(1)
-    states, outputs = [new], [rows]
-    for k in range(count + starts):
-        seed = np.eye(1, size, k).ravel() if k < count else np.zeros(size)
-        moved = both[n * (1 + k) : n * (2 + k)]
-        new_dot, rows_dot = tangent(state, data, p, new, rows, moved, ca.DM.zeros(width), seed)
-        states.append(new_dot)
-        outputs.append(rows_dot)
-    return ca.Function(f"tangents_{count}", [both, data, p], [ca.vertcat(*states), ca.vertcat(*outputs)])
+    n, width, many = function.size1_in(0), function.size1_in(1), count + starts
+    kind = ca.SX if function.is_a("SXFunction") else ca.MX
+    both, data, p = kind.sym("both", n * (1 + many)), kind.sym("data", width), kind.sym("p", size)
+    new, rows = function(both[:n], data, p)
+    if many == 0:
+        return ca.Function("tangents_0", [both, data, p], [new, rows])
+    moved, by_p = ca.reshape(both[n:], n, many), np.eye(size, many)
+    by_p[:, count:] = 0.0
+    nothing = ca.DM.zeros(width, many)
+    new_dot, rows_dot = function.forward(many)(both[:n], data, p, new, rows, moved, nothing, by_p)
+    outputs = ca.cse([ca.vertcat(new, ca.vec(new_dot)), ca.vertcat(rows, ca.vec(rows_dot))])
+    return ca.Function(f"tangents_{count}", [both, data, p], outputs)

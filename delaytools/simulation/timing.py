@@ -12,7 +12,7 @@ from delaytools.blocks.block import Sampled, Transport
 from delaytools.simulation.physics import Physics
 from delaytools.simulation.schedule import Arrival, Timing
 
-__all__ = ["timing_of"]
+__all__ = ["STIFFNESS", "timing_of"]
 
 Array = NDArray[np.float64]
 STIFFNESS = 0.5  # largest |λ| h of one Runge–Kutta step
@@ -25,13 +25,15 @@ def timing_of(
     jumps: Mapping[str, Array],
     *,
     substeps: int | None = None,
+    stiffness: float = STIFFNESS,
     delays: Mapping[str, tuple[Array, Array]] | None = None,
     wakes: bool = False,
 ) -> Timing:
     """The timing of a loop whose values are all numbers.
 
-    jumps: external signal -> times at which it jumps. delays: transport -> (times, seconds) from a column.
-    wakes: whether anything moves from t = 0 on, so that delayed signals have a kink there.
+    jumps: external signal -> times at which it jumps. stiffness: |λ| h of a step where substeps are not given.
+    delays: transport -> (times, seconds) from a column. wakes: whether anything moves from t = 0 on, so that
+    delayed signals have a kink there.
     """
     net = model.net
     periods = {e.name: float(e.block.period) for e in net.loop.sampled if isinstance(e.block, Sampled)}
@@ -45,7 +47,7 @@ def timing_of(
     if wakes:
         moments[START] = np.zeros(1)
     arrivals = sharp_arrivals(model, tuple(moments))
-    count = substeps or _substeps(model)
+    count = substeps or _substeps(model, stiffness)
     return Timing(net.loop.frame, periods, tuple(functions), tuple(constants), arrivals, moments, count)
 
 
@@ -60,8 +62,8 @@ def _delay_function(block: Any, column: tuple[Array, Array] | None) -> tuple[Any
     return (lambda t: np.asarray(block.seconds(t, []))), math.nan
 
 
-def _substeps(model: Physics) -> int:
-    """Steps per frame so that |λ| h stays within STIFFNESS at the initial point."""
+def _substeps(model: Physics, stiffness: float) -> int:
+    """Steps per frame so that |λ| h stays within `stiffness` at the initial point."""
     size = len(model.layout.states)
     if size == 0:
         return 1
@@ -70,7 +72,7 @@ def _substeps(model: Physics) -> int:
     jacobian = ca.Function("jacobian", [x], [ca.densify(ca.jacobian(model.rates(x, *others), x))])
     values = np.nan_to_num(np.asarray(jacobian(np.zeros(size))))
     fastest = float(np.max(np.abs(np.linalg.eigvals(values))))
-    return max(1, min(100, math.ceil(fastest * model.net.loop.frame / STIFFNESS - 1e-9)))
+    return max(1, min(100, math.ceil(fastest * model.net.loop.frame / stiffness - 1e-9)))
 
 
 def sharp_arrivals(model: Physics, jumping: tuple[str, ...]) -> tuple[Arrival, ...]:

@@ -80,7 +80,7 @@ class Call:
 
     spans, rows: per call. depth: spans of history that the state holds. grid: the spans of one hyper-period, which
     the call holds `copies` times, or of the whole run where `copies` is 0. data: (calls, inputs.extra) numbers that
-    each call takes beyond the externals. made: functions made of this one, kept for the next run.
+    each call takes beyond the externals. made: what was made of the function, kept for the next run.
     """
 
     function: ca.Function
@@ -91,9 +91,9 @@ class Call:
     grid: Grid
     copies: int
     data: Array | None = None
-    made: dict[Any, ca.Function] = field(default_factory=dict, repr=False, compare=False)
+    made: dict[Any, Any] = field(default_factory=dict, repr=False, compare=False)
 
-    def once(self, key: Any, make: Callable[[], ca.Function]) -> ca.Function:
+    def once(self, key: Any, make: Callable[[], Any]) -> Any:
         """What `make` gives, made at the first call with this key."""
         if key not in self.made:
             self.made[key] = make()
