@@ -25,6 +25,7 @@ from delaytools.simulation.replay import Begin, Replay, driven_by
 __all__ = ["Case", "Rows", "prepared_case"]
 
 Array = NDArray[np.float64]
+SURE = 3.0  # standard errors that uncertain values of other segments are given: these were judged by another model
 
 
 @final
@@ -50,12 +51,11 @@ class Case:
 
     records: the logs, columns as they drive (cleaned where that is better). measured: per log (n, exits).
     tolerated: values that are free within bounds in every fit. smooth: columns without noise. whitening: one filter
-    per exit. nuisance: per log (n, exits, k), what the uncertain values of other segments do to the exits.
-    lost: port of a sampled output -> share of its updates that the logs show to be lost. outside: columns that no
-    block of the loop writes.
-    pieces: per log, (first, last + 1) of the rows that count; the states begin anew with each (() = all rows, from
-    the design's own beginning). numbers: per log, values by path that its run had (() = the design's). substeps: of
-    a frame.
+    per exit. nuisance: per log (n, exits, k), what a standard error of each uncertain value of other segments does
+    to the exits. lost: port of a sampled output -> share of its updates that the logs show to be lost. outside:
+    columns that no block of the loop writes. pieces: per log, (first, last + 1) of the rows that count; the states
+    begin anew with each (() = all rows, from the design's own beginning). numbers: per log, values by path that its
+    run had (() = the design's). substeps: of a frame.
     """
 
     segment: Segment
@@ -183,7 +183,7 @@ class Case:
     def whitened(self, signals: tuple[Array, ...]) -> Array:
         """(rows,) or (rows, k): signals at the exits, per log (n, exits) or (n, exits, k), through the filters.
 
-        What uncertain values of other segments could do there is projected out.
+        What uncertain values of other segments could do there counts as noise.
         """
         rows = self._filtered(signals)
         basis = self._nuisance_basis
@@ -191,19 +191,23 @@ class Case:
 
     @cached_property
     def _nuisance_basis(self) -> Array:
+        """(rows, k): B with rows - B Bᵀ rows whitened for errors of the uncertain values as well as for the noise.
+
+        With one standard error of each in N = Q diag(s) Vᵀ, the covariance is I + N Nᵀ, and its inverse root
+        I - Q diag(1 - 1/√(1 + s²)) Qᵀ: what the values can hardly do stays.
+        """
         if not self.nuisance or not self.whitening:
             return np.zeros((0, 0))
-        rows = self._filtered(self.nuisance)
-        size = np.linalg.norm(rows, axis=0)
-        basis, triangle = np.linalg.qr(rows[:, size > 0] / size[size > 0])
-        return np.asarray(basis[:, np.abs(np.diag(triangle)) > 1e-6])
+        sides, sizes, _ = np.linalg.svd(SURE * self._filtered(self.nuisance), full_matrices=False)
+        return np.asarray(sides * np.sqrt(1 - 1 / np.sqrt(1 + sizes**2)))
 
     def without_nuisance(self, residual: tuple[Array, ...]) -> tuple[Array, ...]:
-        """Residuals per log (n, exits), less the best that uncertain values of other segments can do."""
+        """Residuals per log (n, exits), less what errors of uncertain values of other segments most likely did."""
         if not self.nuisance:
             return residual
-        rows = self._filtered(self.nuisance)
-        weights = np.linalg.lstsq(rows, self._filtered(residual), rcond=1e-9)[0]
+        rows = SURE * self._filtered(self.nuisance)
+        square = rows.T @ rows + np.eye(rows.shape[1])
+        weights = SURE * np.linalg.solve(square, rows.T @ self._filtered(residual))
         return tuple(r - n @ weights for r, n in zip(residual, self.nuisance, strict=True))
 
     def _filtered(self, signals: tuple[Array, ...]) -> Array:

@@ -1,7 +1,7 @@
 """A hypothesis fitted to a case: effects and tolerated values together, by least squares on whitened residuals."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import final
 
 import numpy as np
@@ -12,7 +12,7 @@ from delaytools.diagnosis.case import Case
 from delaytools.estimation.least_squares import estimate
 from delaytools.signals.parameter import Parameter
 
-__all__ = ["STEPS", "TOLERANCE", "Fitted", "fit_hypothesis"]
+__all__ = ["STEPS", "TOLERANCE", "Fitted", "at_values", "fit_hypothesis"]
 
 Array = NDArray[np.float64]
 TOLERANCE = 1e-7
@@ -76,8 +76,7 @@ def fit_hypothesis(
         for p in case.parameters(added)
     ]
     if not start:
-        residual = case.residual(case.outputs(added, ()))
-        return Fitted(added, (), residual, np.zeros((len(residual), 0)))
+        return at_values(case, added, Fitted(added, (), np.zeros(0), np.zeros((0, 0))))
     keep = slice(None) if mask is None else mask
     memory: dict[tuple[float, ...], tuple[Array, Array]] = {}
 
@@ -99,6 +98,17 @@ def fit_hypothesis(
     )  # fmt: skip
     whole, slopes = both(np.array([p.value for p in found.parameters]))
     return Fitted(_placed(added, found.parameters), found.parameters, whole, slopes, found.success)
+
+
+def at_values(case: Case, added: tuple[Added, ...], near: Fitted) -> Fitted:
+    """The hypothesis at the values of another one that knows them all, nothing fitted."""
+    known = near.by_path
+    parameters = tuple(replace(p, value=known[p.path].value) for p in case.parameters(added))
+    values = tuple(p.value for p in parameters)
+    if not values:
+        residual = case.residual(case.outputs(added, ()))
+        return Fitted(added, (), residual, np.zeros((len(residual), 0)))
+    return Fitted(added, parameters, *case.with_derivatives(added, values))
 
 
 def _inside(value: float, bounds: Parameter) -> float:

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import final
 
-from delaytools.blocks.block import Continuous, Sampled, flat_values
+from delaytools.blocks.block import Block, Continuous, Sampled, flat_values
 from delaytools.blocks.equations import Equations
 from delaytools.blocks.integrator import Integrator
 from delaytools.blocks.second_order import SecondOrder
@@ -67,6 +67,8 @@ def _kinds(loop: Loop, element: Element, port: Port, changed: bool) -> tuple[str
         case "rate":
             return ("rate_limit",)
         case "derivative":
+            if _is_kinematic(loop, element, port.name):
+                return ()
             stiff = ("cubic_stiffness",) if _has_position(loop, element, port.name) else ()
             forces = FORCES if not isinstance(element.block, Integrator) else ("constant_disturbance",)
             return (*forces, *stiff, "cross_coupling")
@@ -77,9 +79,22 @@ def _sensor_like(element: Element) -> bool:
     return len(element.outputs) > 1
 
 
+def _is_kinematic(loop: Loop, element: Element, state: str) -> bool:
+    """Whether the derivative of a state is another state and nothing else: no force acts there."""
+    block = _resolved(loop, element)
+    return isinstance(block, Continuous) and any(
+        other != state and position_of(block, other) == state for other in block.states
+    )
+
+
 def _has_position(loop: Loop, element: Element, state: str) -> bool:
-    block = resolve(Loop((element,), loop.parameters, loop.units, loop.frame)).elements[0].block
+    block = _resolved(loop, element)
     return isinstance(block, Continuous) and position_of(block, state) != ""
+
+
+def _resolved(loop: Loop, element: Element) -> Block:
+    """The block with the loop's numbers in it."""
+    return resolve(Loop((element,), loop.parameters, loop.units, loop.frame)).elements[0].block
 
 
 def value_spots(segment: Segment) -> tuple[tuple[str, str], ...]:

@@ -2,24 +2,26 @@
 
 from collections import defaultdict
 from collections.abc import Sequence
+from dataclasses import replace
 
 from delaytools.diagnosis.added import Added
 from delaytools.diagnosis.case import Case
-from delaytools.diagnosis.fitting import Fitted
+from delaytools.diagnosis.fitting import Fitted, at_values, fit_hypothesis
 from delaytools.diagnosis.own_candidates import own_candidates
 from delaytools.diagnosis.places import spots
 from delaytools.diagnosis.screen import Base, Screened, base_of, response, screened
 from delaytools.diagnosis.spectra import interferences, modes
 from delaytools.diagnosis.starts import candidates
-from delaytools.diagnosis.stepwise import quantisations, with_period_fitted
+from delaytools.diagnosis.stepwise import quantisations, with_period_fitted, with_step_fitted
 from delaytools.diagnosis.windows import transients, with_edges_fitted
 
-__all__ = ["PENALTY", "proposals", "shortlisted"]
+__all__ = ["PENALTY", "proposals", "sharpened_again", "shortlisted"]
 
 PENALTY = 20.0  # χ² that every value of an effect costs
 LEAST = 25.0  # χ² below which a candidate is not worth a fit
 PLACES = {"periodic_interference": 3, "flexible_mode": 5, "cross_coupling": 3, "parameter_change": 4}
 MOST = 14
+OFF = 1e-3  # of a value: how far it may be off beside other values
 
 
 def proposals(case: Case, fitted: Fitted) -> list[Screened]:
@@ -80,4 +82,15 @@ def sharpened(base: Base, found: Sequence[Screened]) -> list[Screened]:
     return [_SHARPEN[one.added.kind](base, one.added) if one.added.kind in _SHARPEN else one for one in found]
 
 
-_SHARPEN = {"sample_hold": with_period_fitted, "transient_gain": with_edges_fitted}
+def sharpened_again(case: Case, fitted: Fitted) -> Fitted:
+    """The hypothesis with what no derivative fits of its last effect sought again beside the values fitted with it."""
+    *rest, one = fitted.added
+    if one.kind not in _SHARPEN:
+        return fitted
+    base = base_of(case, at_values(case, tuple(rest), fitted))
+    roughly = replace(one, errors={name: OFF * one.values[name] for name in one.errors})
+    found = _SHARPEN[one.kind](base, roughly).added
+    return fit_hypothesis(case, (*rest, found), near=fitted, tolerance=1e-4)
+
+
+_SHARPEN = {"quantization": with_step_fitted, "sample_hold": with_period_fitted, "transient_gain": with_edges_fitted}

@@ -81,8 +81,9 @@ class Base:
 
 
 def base_of(case: Case, fitted: Fitted) -> Base:
-    """The base of a fitted hypothesis."""
-    columns = fitted.jacobian[:, np.abs(fitted.jacobian).max(axis=0, initial=0.0) > 0]
+    """The base of a fitted hypothesis; a value that its bound stops can imitate nothing further that way."""
+    inside = np.array([not p.at_boundary for p in fitted.parameters], dtype=bool)
+    columns = fitted.jacobian[:, inside & (np.abs(fitted.jacobian).max(axis=0, initial=0.0) > 0)]
     scaled = columns / np.linalg.norm(columns, axis=0) if columns.size else columns
     basis, triangle = np.linalg.qr(scaled) if columns.size else (np.zeros((len(fitted.residual), 0)), scaled)
     if columns.size:

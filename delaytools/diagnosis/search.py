@@ -11,9 +11,12 @@ from delaytools.diagnosis.added import Added
 from delaytools.diagnosis.case import Case
 from delaytools.diagnosis.fitting import STEPS, TOLERANCE, Fitted, fit_hypothesis
 from delaytools.diagnosis.heldout import HeldOut, held_out
+from delaytools.diagnosis.lattices import quantisers_shown
 from delaytools.diagnosis.noise import incoherent_spectrum
 from delaytools.diagnosis.noise_of import EXACT, column_noise, noise_of
-from delaytools.diagnosis.proposals import PENALTY, proposals
+from delaytools.diagnosis.pairs import pairs
+from delaytools.diagnosis.proposals import PENALTY, proposals, sharpened_again
+from delaytools.diagnosis.screen import base_of
 from delaytools.diagnosis.stepwise import with_draws
 from delaytools.diagnosis.upgrades import richer
 from delaytools.signals.trouble import DelaytoolsError
@@ -32,6 +35,7 @@ HALF = 0.5  # of what the best took off: what took off less after a few runs is 
 ALWAYS, PROMISING = 4, 0.6  # candidates fitted in any case; others where they promise this part of what was found
 REFITTED = 4  # candidates fitted again when the noise is known better
 NEAR, FARTHEST = 0.3, 400.0  # of the best one's χ², and χ²: how much worse they may be
+NEAREST, WORTH_MORE = 3, 0.1  # hypotheses whose richer forms are tried, and what these must take off, of their χ²
 CLOSE = 60.0  # χ²: a hypothesis worse by more is not fitted to the end, since nothing would make it as good
 LOUD = 5.0  # times the least noise that there can be: a residual above it is the missing effect's for the most part
 FAR = 0.3  # of a design's value: where a fit has moved one further, it may stand in for the effect that is missing
@@ -73,11 +77,15 @@ def search(case: Case, carried: tuple[Array, ...], *, deadline: float = np.inf) 
             small.append(best.added[-1])
             break
         kept = [k for k, one in enumerate(fitted.added) if one.key in {b.key for b in best.added}]
-        rivals = [*(rivals[k] for k in kept), others]
+        new = len(best.added) - len(kept)
+        rivals = [*(rivals[k] for k in kept), *([] for _ in range(new - 1)), others]
         case, fitted = seen, best
         steps.append(fitted)
     case, fitted, rivals = _swapped(case, fitted, rivals, carried, deadline)
     case, fitted, rivals = _pruned(case, fitted, rivals, carried)
+    for one in quantisers_shown(case, fitted, PART_OF_NOISE):
+        case, fitted = _rewhitened(case, replace(fitted, added=(*fitted.added, one)), carried)
+        rivals.append([])
     null = fit_hypothesis(case, (), near=null)
     exhausted = time.monotonic() >= deadline
     return Finding(case, null, fitted, tuple(steps), tuple(tuple(r) for r in rivals), tuple(small), exhausted)
@@ -127,10 +135,17 @@ def _step(
     found = proposals(rough, base)
     more = richer(rough, base, least=0.5 * max((one.gain for one in found), default=0.0))
     hypotheses = [*((added, np.inf) for added in more), *(((*base.added, one.added), one.gain) for one in found)]
+    if len(base.added) + 2 <= MOST:
+        hypotheses += [((*base.added, *two), gain) for two, gain in pairs(base_of(rough, base), found)]
     tried = _fits(rough, base, hypotheses, deadline)
     if not tried:
         return None, [], case
-    best = tried[0]
+    upgraded = [
+        (added, np.inf) for one in tried[:NEAREST] if _cost(one) < (1 + NEAR) * _cost(tried[0])
+        for added in richer(rough, one, least=WORTH_MORE * one.chi2)
+    ]  # fmt: skip
+    tried = sorted(_best_of_each([*tried, *_fits(rough, base, upgraded, deadline)]), key=_cost)
+    best = tried[0] = sharpened_again(rough, tried[0])
     seen = case.whitened_by(noise_of(case, best, carried))
     again = _again(seen, tried, best)
     return again[0], again[1:], seen
@@ -193,7 +208,7 @@ def _starts(case: Case, fitted: Fitted) -> tuple[Fitted | None, ...]:
 def _best_of_each(tried: list[Fitted]) -> list[Fitted]:
     best: dict[object, Fitted] = {}
     for one in tried:
-        key = one.added[-1].key
+        key = tuple(sorted(str(added.key) for added in one.added))
         if np.isfinite(one.chi2) and (key not in best or one.chi2 < best[key].chi2):
             best[key] = one
     return list(best.values())

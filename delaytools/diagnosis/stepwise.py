@@ -9,36 +9,25 @@ from numpy.typing import NDArray
 from delaytools.blocks.block import Sampled
 from delaytools.diagnosis.added import Added
 from delaytools.diagnosis.case import Case
+from delaytools.diagnosis.lattices import on_lattice, shown_as
 from delaytools.diagnosis.places import Spot
 from delaytools.diagnosis.screen import Base, Screened, response
 from delaytools.diagnosis.views import View
+from delaytools.diagnosis.wires import Way
 from delaytools.estimation.noise_level import difference_noise
-from delaytools.loop.port import Port
+from delaytools.loop.port import find_port
 from delaytools.signals.record import Record
 
-__all__ = ["lattice_step", "quantisations", "with_draws", "with_period_fitted"]
+__all__ = ["quantisations", "with_draws", "with_period_fitted", "with_step_fitted"]
 
 Array = NDArray[np.float64]
 KEPT, LOST = 1 - 1e-9, 0.0
 RUNS = 900  # of a segment, while its dropped updates are sought one after the other
 EXCESS = 1.05  # of the noise: a residual below it is not worth a search for quantisation further upstream
+FINEST = 1e-7  # of a step: how well it is to be known
+AROUND = 0.03  # of the best step: where a better one may lie
+TRIED, TRIED_SLOWLY = 12, 4  # steps whose change is sent through the segment, by convolution and by runs
 MOST_STEPS = 400  # of a quantiser that are tried at a port
-
-
-def lattice_step(values: Array) -> float:
-    """The step of the lattice on which all values (n,) lie, or 0 where there is none."""
-    found = np.unique(values)
-    if len(found) < 3 or len(found) > 0.5 * len(values):
-        return 0.0
-    steps = np.diff(found)
-    steps = steps[steps > 1e-7 * np.abs(found).max()]
-    if not len(steps):
-        return 0.0
-    step = float(steps.min())
-    counts = np.round((found - found[0]) / step)
-    step = float(np.polyfit(counts, found, 1)[0])
-    off = np.abs(found / step - np.round(found / step))
-    return step if off.max() < 0.02 and np.ptp(found) / step < 2000 else 0.0
 
 
 def quantisations(base: Base, view: View, spots: Sequence[Spot]) -> list[Screened]:
@@ -49,18 +38,7 @@ def quantisations(base: Base, view: View, spots: Sequence[Spot]) -> list[Screene
     found = []
     for spot in (s for s in spots if s.kind == "quantization"):
         signals = view.at(spot.port)
-        shown = _shown_at(base.case, spot.port)
-        lattice = lattice_step(base.case.measured[0][:, shown]) if shown is not None else 0.0
-        if lattice:
-            one = Added(
-                spot.kind,
-                str(spot.port),
-                {"step": lattice},
-                {},
-                frozenset({"step"}),
-                {},
-                {"step": 1e-4 * lattice},
-            )
+        if (one := on_lattice(base.case, spot.port)) is not None:
             change = response(base, one)
             found.extend([Screened(one, base.gain(change, 0.9, 1.1)[0])] if change is not None else [])
         elif not base.case.pieces and (best := _best_step(base, spot, signals)) is not None:
@@ -68,17 +46,9 @@ def quantisations(base: Base, view: View, spots: Sequence[Spot]) -> list[Screene
     return found
 
 
-def _shown_at(case: Case, port: Port) -> int | None:
-    """The exit that the port itself is, if it is one."""
-    element = case.segment.loop[port.element]
-    if port.kind == "output" and element.outputs[port.name] in case.exits:
-        return case.exits.index(element.outputs[port.name])
-    return None
-
-
 def _best_step(base: Base, spot: Spot, signals: tuple[Array, ...]) -> Screened | None:
     spread = float(np.std(np.concatenate(signals)))
-    shown = _shown_at(base.case, spot.port)
+    shown = shown_as(base.case, spot.port)
     left = base.case.measured[0] - base.outputs[0]
     share = float(np.mean(left.std(axis=0) / np.maximum(base.case.measured[0].std(axis=0), 1e-300)))
     size = np.sqrt(12) * (float(left[:, shown].std()) if shown is not None else share * spread)
@@ -89,19 +59,42 @@ def _best_step(base: Base, spot: Spot, signals: tuple[Array, ...]) -> Screened |
         return None
     steps = _steps(spread, 0.25 * size, (1.3 if shown is not None else 6.0) * size, MOST_STEPS)
     weights = way.weights(base.residual)
-    gains = [_speaking_for(step, signals, weights) for step in steps]
-    top = int(np.argmax(gains))
-    if gains[top] <= 0:
+    promised = np.array([_promised(step, way, signals, weights) for step in steps])
+    first = np.argsort(promised)[::-1][: TRIED if way.is_quick else TRIED_SLOWLY]
+    gains = {int(k): _gain(base, spot.kind, str(spot.port), steps[k]) for k in first if promised[k] > 0}
+    top = max(gains, key=gains.__getitem__, default=-1)
+    if top < 0 or gains[top] <= 0:
         return None
-    apart = steps[top] - steps[top - 1] if top else steps[1] - steps[0]
-    near = steps[top] + apart * np.linspace(-1, 1, 31 if way.is_quick else 9)
-    fine = np.array([_gain(base, spot, step) for step in near])
-    best = int(np.argmax(fine))
-    sure = near[fine >= fine[best] - 4.0]
-    error = max((sure[-1] - sure[0]) / 4, apart / 60)
-    values = {"step": float(near[best])}
-    one = Added(spot.kind, str(spot.port), values, {}, frozenset({"step"}), {}, {"step": float(error)})
-    return Screened(one, float(fine[best]))
+    return _finer(base, spot.kind, str(spot.port), (steps[top], AROUND * steps[top]), slowly=not way.is_quick)
+
+
+def _finer(
+    base: Base, kind: str, at: str, range_of: tuple[float, float], *, slowly: bool = False
+) -> Screened:
+    """The best step within middle ± width, as good as a grid shows."""
+    middle, width = range_of
+    tried = middle + width * np.linspace(-1, 1, 13 if slowly else 61)
+    gains = np.array([_gain(base, kind, at, step) for step in tried])
+    best = int(np.argmax(gains))
+    sure = tried[gains >= gains[best] - 4.0]
+    error = max((sure[-1] - sure[0]) / 4, (tried[1] - tried[0]) / 2)
+    one = Added(kind, at, {"step": float(tried[best])}, {}, frozenset({"step"}), {}, {"step": float(error)})
+    return Screened(one, float(gains[best]))
+
+
+def with_step_fitted(base: Base, one: Added) -> Screened:
+    """The quantiser with its step so fine that no row is rounded otherwise by what is left of its error."""
+    found = Screened(one, _gain(base, one.kind, one.at, one.values["step"]))
+    if on_lattice(base.case, find_port(base.case.segment.loop, one.at)) is not None:
+        return found
+    way = base.way(one.at)
+    while way is not None and way.is_quick and found.added.errors["step"] > FINEST * found.added.values["step"]:
+        middle, width = found.added.values["step"], 2 * found.added.errors["step"]
+        finer = _finer(base, one.kind, one.at, (middle, width))
+        if finer.added.errors["step"] > 0.5 * found.added.errors["step"]:
+            return max(found, finer, key=lambda screened: screened.gain)
+        found = finer
+    return found
 
 
 def _above_noise(case: Case, left: Array) -> bool:
@@ -113,13 +106,18 @@ def _above_noise(case: Case, left: Array) -> bool:
     )
 
 
-def _speaking_for(step: float, signals: tuple[Array, ...], weights: tuple[Array, ...]) -> float:
-    """How well what a quantiser changes goes with the residual, over its own size (which is what white noise has)."""
-    up, power = 0.0, 0.0
-    for u, w in zip(signals, weights, strict=True):
-        change = step * np.floor(u / step + 0.5) - u
-        up, power = up + float(change @ w), power + float(change @ change)
-    return max(up, 0.0) ** 2 / power if power > 0 else 0.0
+def _promised(step: float, way: Way, signals: tuple[Array, ...], weights: tuple[Array, ...]) -> float:
+    """χ² that a quantiser of this step would take off, as if the log were one period and nothing else were free.
+
+    What its change sends to the exits counts both ways: a wrong step may go with a slow residual by chance, and then
+    brings more power than it takes off.
+    """
+    found = 0.0
+    for u, w, gain in zip(signals, weights, way.gains, strict=True):
+        change = way.read(step * np.floor(u / step + 0.5) - u)
+        power = np.abs(np.fft.rfft(change)) ** 2 * gain
+        found += 2 * float(change @ w) - float(2 * power.sum() - power[0]) / len(u)
+    return found
 
 
 def _steps(spread: float, low: float, high: float, most: int) -> Array:
@@ -130,8 +128,8 @@ def _steps(spread: float, low: float, high: float, most: int) -> Array:
     return np.array(found)
 
 
-def _gain(base: Base, spot: Spot, step: float) -> float:
-    change = response(base, Added(spot.kind, str(spot.port), {"step": float(step)}))
+def _gain(base: Base, kind: str, at: str, step: float) -> float:
+    change = response(base, Added(kind, at, {"step": float(step)}))
     return 0.0 if change is None else base.gain(change, 0.9, 1.1)[0]
 
 

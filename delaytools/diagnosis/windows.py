@@ -16,6 +16,8 @@ Array = NDArray[np.float64]
 SMALL = 0.02
 FIRST_MOVE, LAST_MOVE = 4.0, 0.02  # cells
 SPIKES = 7
+SURELY = 12.0  # χ² by which a place of an edge is worse than the best: surely not there
+FARTHEST, PLACES = 1.0, 25  # s from the best place, and places between there and here that are looked at
 CELLS = 400  # stretches of time between which the edges of a transient are sought
 SHORTEST, LONGEST = 4, 320  # cells: shorter ones are single rows gone wrong, longer ones the gain itself
 
@@ -70,11 +72,39 @@ def with_edges_fitted(base: Base, one: Added) -> Screened:
             best, edges = top, place
         else:
             step /= 2
-    moved = one.moved({"start": float(max(edges[0], 0.0)), "end": float(edges[1])})
+    centred, errors = zip(*(_centred(base, one, edges, side) for side in (0, 1)), strict=True)
+    moved = one.moved({"start": float(max(centred[0], 0.0)), "end": float(centred[1])})
     change = response(base, moved)
     gain, scale = (0.0, 1.0) if change is None else base.gain(change)
     found = moved.moved({"factor": 1 + scale * (one.values["factor"] - 1)})
-    return Screened(replace(found, errors={"start": base.case.step, "end": base.case.step}), gain)
+    return Screened(replace(found, errors={"start": errors[0], "end": errors[1]}), gain)
+
+
+def _centred(base: Base, one: Added, edges: Array, side: int) -> tuple[float, float]:
+    """An edge in the middle of where it may lie, and its standard error: mean and spread under exp(χ²/2).
+
+    Where the signal rests, every place of an edge explains the log as well.
+    """
+    best, step = _taken_off(base, one, edges), base.case.step
+
+    def at(shift: float) -> float:
+        moved = edges.copy()
+        moved[side] += shift
+        return _taken_off(base, one, moved)
+
+    reach = []
+    for way in (-1.0, 1.0):
+        far = step
+        while far < FARTHEST and at(way * far) > best - SURELY:
+            far *= 2
+        reach.append(way * far)
+    shifts = np.linspace(*reach, PLACES)
+    gains = np.array([at(shift) for shift in shifts])
+    weights = np.exp(0.5 * (gains - gains.max()))
+    weights /= weights.sum()
+    mean = float(weights @ shifts)
+    spread = np.sqrt(float(weights @ (shifts - mean) ** 2) + (step**2 + (shifts[1] - shifts[0]) ** 2) / 12)
+    return float(edges[side]) + mean, float(spread)
 
 
 def _between_spikes(base: Base) -> list[Array]:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.fft import next_fast_len
 from scipy.signal import lfilter
 
-from delaytools.blocks.block import Block, Continuous, Follower
+from delaytools.blocks.block import Block, Continuous, Follower, Sampled
 from delaytools.blocks.delay import Delay
 from delaytools.blocks.lag import Lag
 from delaytools.blocks.rate_limiter import RateLimiter
@@ -27,6 +27,7 @@ from delaytools.diagnosis.fitting import Fitted
 from delaytools.diagnosis.views import View
 from delaytools.loop.loop import Element, Loop
 from delaytools.loop.port import Port
+from delaytools.loop.values import resolve
 from delaytools.signals.record import Record
 from delaytools.simulation.replay import Replay
 
@@ -43,7 +44,8 @@ SAME = 1e-8  # of the largest response: nearer than this, two responses are one
 class Way:
     """From a port to the exits of a case under a fitted hypothesis.
 
-    outputs: of the hypothesis, per log. held: whether what is put in is a staircase.
+    outputs: of the hypothesis, per log. held: whether what is put in is a staircase. every: rows from tick to tick
+    of what is sampled on the way, 1 where nothing is, 0 where ticks and rows do not go together.
     """
 
     case: Case
@@ -51,6 +53,7 @@ class Way:
     port: Port
     outputs: tuple[Array, ...]
     held: bool
+    every: int = 1
 
     def simulated(self, changes: tuple[Array, ...]) -> tuple[Array, ...]:
         """Per log (n, exits): how the exits move when the signal at the port is changed by (n,), by the simulation."""
@@ -66,15 +69,27 @@ class Way:
         found = []
         for rows, (first, later) in zip(changes, self._pulses, strict=True):
             size = next_fast_len(2 * len(rows), real=True)
-            rest = np.concatenate([[0.0], rows[1:]])
+            rest = self.read(rows)
+            rest[0] = 0.0
             sent = np.fft.irfft(np.fft.rfft(rest, size)[:, None] * np.fft.rfft(later, size, axis=0), size, axis=0)
             found.append(sent[: len(rows)] + rows[0] * first)
         return tuple(found)
 
     @cached_property
     def is_quick(self) -> bool:
-        """Whether the convolution holds: two pulses at other times and of other sizes are answered alike."""
-        return all(self._alike(log, later) for log, (_, later) in enumerate(self._pulses))
+        """Whether the convolution holds: two pulses at other times and of other sizes are answered alike.
+
+        Where there are ticks: and a pulse between them is not answered at all.
+        """
+        return self.every > 0 and all(self._alike(log, later) for log, (_, later) in enumerate(self._pulses))
+
+    def read(self, rows: Array) -> Array:
+        """(n,) what of a change is read on the way: all rows, or those at ticks."""
+        if self.every <= 1:
+            return np.array(rows)
+        found = np.zeros(len(rows))
+        found[:: self.every] = rows[:: self.every]
+        return found
 
     def weights(self, residual: Array) -> tuple[Array, ...]:
         """Per log (n,): by how much a change of 1 at each row moves the exits along a whitened residual (rows,).
@@ -86,7 +101,18 @@ class Way:
             size = next_fast_len(2 * len(later), real=True)
             through = np.fft.rfft(later, size, axis=0).conj()
             product = through * np.fft.rfft(self.case.unfiltered(residual, log), size, axis=0)
-            found.append(np.fft.irfft(product.sum(axis=1), size)[: len(later)])
+            found.append(self.read(np.fft.irfft(product.sum(axis=1), size)[: len(later)]))
+        return tuple(found)
+
+    @cached_property
+    def gains(self) -> tuple[Array, ...]:
+        """Per log: χ² that a change brings where it is read, by its power at each frequency of the rfft."""
+        found = []
+        for _, later in self._pulses:
+            size = len(later)
+            through = np.abs(np.fft.rfft(later, size, axis=0)) ** 2
+            filters = [np.abs(np.fft.rfft(one.taps, size)) ** 2 for one in self.case.whitening]
+            found.append(np.asarray((through * np.stack(filters, axis=1)).sum(axis=1)))
         return tuple(found)
 
     def moved(self, changes: tuple[Array, ...]) -> tuple[Array, ...]:
@@ -119,30 +145,34 @@ class Way:
 
     @cached_property
     def _pulses(self) -> tuple[tuple[Array, Array], ...]:
-        """Per log: responses (n, exits) to a pulse of 1 at row 0, and at row 1, counted from there."""
-        found = []
+        """Per log: responses (n, exits) to a pulse of 1 at row 0, and at the next tick, counted from there."""
+        found, every = [], max(self.every, 1)
         for log in range(len(self.case.records)):
-            first, second = (self._pulse(log, row, self._size(log)) for row in (0, 1))
-            found.append((first, np.vstack([second[1:], np.zeros((1, second.shape[1]))])))
+            first, second = (self._pulse(log, row, self._size(log)) for row in (0, every))
+            found.append((first, np.vstack([second[every:], np.zeros((every, second.shape[1]))])))
         return tuple(found)
 
     def _alike(self, log: int, later: Array) -> bool:
         """Whether a pulse in the middle of the log, the other way and twice as high, is answered as the first one."""
-        count = len(later)
-        row, most = count // 2 + 7, float(np.abs(later).max(initial=0.0))
+        count, every = len(later), self.every
+        row, most = (count // 2 // every + 7) * every, float(np.abs(later).max(initial=0.0))
+        if not 0 < most < np.inf or row >= count:
+            return False
         shifted = np.vstack([np.zeros((row, later.shape[1])), later[: count - row]])
-        off = np.abs(self._pulse(log, row, -2 * self._size(log)) - shifted)[: count - 1]
+        off = np.abs(self._pulse(log, row, -2 * self._size(log)) - shifted)[: count - every]
         off[row - 1] = 0.0  # the way up to the pulse
-        return bool(np.isfinite(most) and off.max(initial=0.0) <= SAME * most)
+        between = self._pulse(log, row + 1, self._size(log), rows=1) if every > 1 else np.zeros(1)
+        return bool(max(off.max(initial=0.0), np.abs(between).max()) <= SAME * most)
 
     def _size(self, log: int) -> float:
         return float(np.std(self.case.measured[log])) or 1.0
 
-    def _pulse(self, log: int, row: int, height: float) -> Array:
-        rows = np.zeros(len(self.case.records[log]))
-        rows[row] = height
+    def _pulse(self, log: int, row: int, height: float, rows: int = 0) -> Array:
+        """Response to a pulse that lasts from tick to tick, or some rows."""
+        put_in = np.zeros(len(self.case.records[log]))
+        put_in[row : row + (rows or max(self.every, 1))] = height
         replay = self._replays[log]
-        moved = replay.run_driven(self._values(replay), self._put_in(log, rows)) - self.outputs[log]
+        moved = replay.run_driven(self._values(replay), self._put_in(log, put_in)) - self.outputs[log]
         return np.asarray(moved / height)
 
 
@@ -155,7 +185,18 @@ def way_of(view: View, fitted: Fitted, outputs: tuple[Array, ...], port: Port) -
     case = view.case
     if port.kind not in ("input", "output") or case.pieces or _is_round(case.segment.loop, port):
         return None
-    return Way(case, fitted, port, outputs, view.is_held(port))
+    return Way(case, fitted, port, outputs, view.is_held(port), _ticks(view.loop, port, case.step))
+
+
+def _ticks(loop: Loop, port: Port, step: float) -> int:
+    """Rows from tick to tick of what samples behind a port; 1 where nothing does, 0 where ticks fall between rows."""
+    passed = _behind(loop, port)
+    blocks = [element.block for element in resolve(loop).elements if element.name in passed]
+    periods = {float(block.period) for block in blocks if isinstance(block, Sampled)}
+    if not periods:
+        return 1
+    rows = min(periods) / step
+    return round(rows) if len(periods) == 1 and abs(rows - round(rows)) < 1e-9 * rows and rows > 0.5 else 0
 
 
 def own_way(view: View, one: Added) -> Element | None:
@@ -273,20 +314,27 @@ def _to_next(rows: Array) -> Array:
     return 0.5 * (rows + np.concatenate([rows[1:], rows[-1:]]))
 
 
+def _behind(loop: Loop, port: Port) -> set[str]:
+    """Names of the blocks that a signal passes behind a port, its own block's input included."""
+    readers: dict[str, list[str]] = {}
+    for element in loop.elements:
+        for name in _read_by(element):
+            readers.setdefault(name, []).append(element.name)
+    element = loop[port.element]
+    first = [port.element] if port.kind == "input" else readers.get(element.outputs[port.name], [])
+    waiting, found = list(first), set[str]()
+    while waiting:
+        name = waiting.pop()
+        if name not in found:
+            found.add(name)
+            waiting.extend(reader for signal in loop[name].outputs.values() for reader in readers.get(signal, ()))
+    return found
+
+
 def _is_round(loop: Loop, port: Port) -> bool:
     """Whether what leaves the port's block comes back to it inside the loop."""
-    writers = loop.writers
-    waiting, seen = list(_read_by(loop[port.element])), set[str]()
-    while waiting:
-        signal = waiting.pop()
-        if signal in seen or signal not in writers:
-            continue
-        seen.add(signal)
-        name = writers[signal][0]
-        if name == port.element:
-            return True
-        waiting.extend(_read_by(loop[name]))
-    return False
+    onward = Port(port.element, "output", next(iter(loop[port.element].outputs)))
+    return any(port.element in _behind(loop, replace(onward, name=name)) for name in loop[port.element].outputs)
 
 
 def _read_by(element: Element) -> tuple[str, ...]:

@@ -83,6 +83,8 @@ class _FromData:
             added = made[4 * self.spans * delay : 4 * self.spans * (delay + 1)]
             kept.append(ca.vertcat(part, added)[4 * self.spans :])
         function = ca.Function("call", [state, data, p], [ca.vertcat(new, *kept), rows])
+        if not self.delays:
+            function = function.expand()
         return Call(function, inputs, self.spans, self.spans, self.depth, self.grid, 0, self._data())
 
     def _inner(self, inputs: Inputs) -> ca.Function:

@@ -20,15 +20,16 @@ from delaytools.design.catalogue import EFFECTS
 from delaytools.design.design import parse_design
 from delaytools.diagnosis.added import Added, with_added
 from delaytools.diagnosis.case import Case, prepared_case
-from delaytools.diagnosis.fitting import Fitted
+from delaytools.diagnosis.fitting import Fitted, fit_hypothesis
 from delaytools.diagnosis.noise_of import noise_of
 from delaytools.diagnosis.places import spots
-from delaytools.diagnosis.screen import Base, base_of
+from delaytools.diagnosis.screen import Base, base_of, response
 from delaytools.diagnosis.spectra import impulse
 from delaytools.diagnosis.starts import LINEAR, Candidate, candidates
 from delaytools.diagnosis.views import case_view
 from delaytools.loop.port import find_port, ports
 from delaytools.loop.segments import segments
+from delaytools.signals.parameter import Parameter
 from delaytools.signals.record import Record
 from delaytools.signals.stimulus import Column, Multisine
 from delaytools.simulation.simulate import simulate
@@ -307,3 +308,28 @@ def test_a_pulse_through_a_sampled_block_is_its_mean_over_a_period() -> None:
     slow = change(base, Added("cross_coupling", "computer.input", {"gain": 1.0}, {"source": "w"}))
     fast = fftconvolve(column[:, None], pulse, axes=0)[: len(column)]
     assert 0 < np.abs(fast - slow).max() < 0.55 * 2 * np.pi * 1.5 * 0.008  # what a sine does in half a period
+
+
+@pytest.mark.parametrize("tick", ["2 ms", "8 ms", "3.5 ms"])
+@pytest.mark.parametrize("port", ["computer.input", "computer.output"])
+def test_a_way_through_a_computer_slower_than_the_rows(port: str, tick: str) -> None:
+    """Only ticks count, and a change between them is not taken for one that does nothing."""
+    case = planted(SAMPLED.replace("8 ms", tick), (), INPUT, seconds=2.0)
+    base = base_of(case, fitted(case))
+    way = base.way(port)
+    assert way is not None and way.is_quick == (port == "computer.output" or tick != "3.5 ms")
+    rows = np.cumsum(np.random.default_rng(9).standard_normal(len(base.case.records[0]))) * 0.05 + 1.0
+    slow = way.simulated((rows,))[0]
+    assert np.abs(slow).max() > 0.1 * full_scale(base.case)
+    assert apart(base, way.moved((rows,))[0], slow) < EXACT
+
+
+def test_what_a_bound_stops_is_not_taken_to_imitate_an_effect() -> None:
+    """A lag beside a tolerance that would imitate it, but is too narrow: what is left speaks for the lag."""
+    case = planted(ACTUATOR, (Added("lag", "act.input", {"time_constant": 0.006}),), INPUT, seconds=4.0)
+    slower = Parameter("act.natural_frequency", 60.0, low=59.0, high=61.0)
+    case = replace(case, tolerated=(slower,), _replays={})
+    base = base_of(case, fit_hypothesis(case, ()))
+    assert base.fitted.parameters[0].at_boundary
+    change = response(base, Added("lag", "act.input", {"time_constant": 0.006}))
+    assert change is not None and base.gain(change)[0] > 0.5 * base.fitted.chi2

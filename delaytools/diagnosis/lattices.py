@@ -1,0 +1,66 @@
+"""Quantisers that a log shows by itself: all values of a column lie on a lattice."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from delaytools.diagnosis.added import Added
+from delaytools.diagnosis.case import Case
+from delaytools.diagnosis.fitting import Fitted
+from delaytools.diagnosis.places import spots
+from delaytools.loop.port import Port
+
+__all__ = ["lattice_step", "on_lattice", "quantisers_shown", "shown_as"]
+
+Array = NDArray[np.float64]
+SAME = 1e-3  # of a step: nearer than this, two lattices are one
+
+
+def lattice_step(values: Array) -> float:
+    """The step of the lattice on which all values (n,) lie, or 0 where there is none."""
+    found = np.unique(values)
+    if len(found) < 3 or len(found) > 0.5 * len(values):
+        return 0.0
+    steps = np.diff(found)
+    steps = steps[steps > 1e-7 * np.abs(found).max()]
+    if not len(steps):
+        return 0.0
+    step = float(steps.min())
+    counts = np.round((found - found[0]) / step)
+    step = float(np.polyfit(counts, found, 1)[0])
+    off = np.abs(found / step - np.round(found / step))
+    return step if off.max() < 0.02 and np.ptp(found) / step < 2000 else 0.0
+
+
+def on_lattice(case: Case, port: Port) -> Added | None:
+    """The quantiser at a measured output whose column lies on a lattice."""
+    exit = shown_as(case, port)
+    step = lattice_step(np.concatenate([m[:, exit] for m in case.measured])) if exit is not None else 0.0
+    if not step:
+        return None
+    held, errors = frozenset({"step"}), {"step": 1e-4 * step}
+    return Added("quantization", str(port), {"step": step}, {}, held, {}, errors)
+
+
+def quantisers_shown(case: Case, fitted: Fitted, least: float) -> tuple[Added, ...]:
+    """Quantisers at exits that lie on a lattice where the model's do not.
+
+    Noise ahead of a quantiser hides its error: the residual grows no smaller by it, but the log shows it plainly.
+    least: rms of a step's error, of the noise, from which on it matters.
+    """
+    outputs, found = case.outputs(fitted.added, fitted.values), []
+    for port in (spot.port for spot in spots(case.segment) if spot.kind == "quantization"):
+        exit, one = shown_as(case, port), on_lattice(case, port)
+        if exit is None or one is None or one.values["step"] / np.sqrt(12) < least * case.whitening[exit].rms:
+            continue
+        known = lattice_step(np.concatenate([rows[:, exit] for rows in outputs]))
+        if abs(known - one.values["step"]) > SAME * one.values["step"]:
+            found.append(one)
+    return tuple(found)
+
+
+def shown_as(case: Case, port: Port) -> int | None:
+    """The exit that the port itself is, if it is one."""
+    element = case.segment.loop[port.element]
+    if port.kind == "output" and element.outputs[port.name] in case.exits:
+        return case.exits.index(element.outputs[port.name])
+    return None

@@ -1,0 +1,26 @@
+"""Where effects may act."""
+
+from delaytools.design.build import build
+from delaytools.design.design import parse_design
+from delaytools.diagnosis.places import spots
+from delaytools.loop.segments import segments
+
+CARRIAGE = """
+frame = "1 ms"
+[signals]
+u = "N"
+x = "m"
+[blocks.drive]
+type = "equations"
+inputs = { u = "u" }
+states = { x = 0.0, v = 0.0 }
+rates = { x = "v", v = "(u - 8.0*v)/2.0" }
+outputs = { x = "x" }
+"""
+
+
+def test_no_force_acts_where_a_position_follows_its_rate() -> None:
+    part = segments(build(parse_design(CARRIAGE)), {"u", "x"})[0]
+    found = spots(part)
+    assert {str(spot.port) for spot in found if spot.port.kind == "derivative"} == {"drive.v'"}
+    assert "cubic_stiffness" in {spot.kind for spot in found}
