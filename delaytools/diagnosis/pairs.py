@@ -21,22 +21,26 @@ SCALED = {
     "cubic_damping": "coefficient", "quadratic_drag": "coefficient", "cubic_stiffness": "coefficient",
     "coulomb_friction": "level", "load_dependent_friction": "coefficient", "cross_coupling": "gain",
 }  # fmt: skip
+LEFT_OUT = ("flexible_mode", "periodic_interference", "transient_gain")  # with another one they imitate too much
 MOST = 12  # candidates that are combined
 KEPT = 2
 REACH = (0.05, 5.0)  # scales of candidates that do not grow with one value
 WORTH = 100.0  # χ² that two must take off beyond the best one alone
 
 
-def pairs(base: Base, found: Sequence[Screened]) -> list[tuple[tuple[Added, Added], float]]:
-    """The pairs that take most off, with their χ², where that is more than the best candidate takes alone."""
+def pairs(base: Base, found: Sequence[Screened], *, least: float) -> list[tuple[tuple[Added, Added], float]]:
+    """The pairs that take most off, with their χ², where that is more than the best candidate takes alone.
+
+    least: χ² that a single one is known to take off when it is fitted.
+    """
     own = []
-    for one in found[:MOST]:
+    for one in [s for s in found if s.added.kind not in LEFT_OUT][:MOST]:
         change = response(base, one.added)
         if change is not None and (rows := base.projected(change)) @ rows > 0:
             own.append((one.added, rows))
     if len(own) < 2:
         return []
-    alone = max(float(rows @ base.residual) ** 2 / float(rows @ rows) for _, rows in own)
+    alone = max(least, *(float(rows @ base.residual) ** 2 / float(rows @ rows) for _, rows in own))
     both = [pair for one, other in combinations(own, 2) if (pair := _pair(base, one, other)) is not None]
     worth = [pair for pair in both if pair[1] - alone > WORTH]
     return sorted(worth, key=lambda pair: -pair[1])[:KEPT]

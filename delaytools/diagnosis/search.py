@@ -135,16 +135,17 @@ def _step(
     found = proposals(rough, base)
     more = richer(rough, base, least=0.5 * max((one.gain for one in found), default=0.0))
     hypotheses = [*((added, np.inf) for added in more), *(((*base.added, one.added), one.gain) for one in found)]
-    if len(base.added) + 2 <= MOST:
-        hypotheses += [((*base.added, *two), gain) for two, gain in pairs(base_of(rough, base), found)]
     tried = _fits(rough, base, hypotheses, deadline)
     if not tried:
         return None, [], case
-    upgraded = [
+    further = [
         (added, np.inf) for one in tried[:NEAREST] if _cost(one) < (1 + NEAR) * _cost(tried[0])
         for added in richer(rough, one, least=WORTH_MORE * one.chi2)
     ]  # fmt: skip
-    tried = sorted(_best_of_each([*tried, *_fits(rough, base, upgraded, deadline)]), key=_cost)
+    if len(base.added) + 2 <= MOST:
+        two = pairs(base_of(rough, base), found, least=base.chi2 - tried[0].chi2)
+        further += [((*base.added, *both), gain) for both, gain in two]
+    tried = sorted(_best_of_each([*tried, *_fits(rough, base, further, deadline)]), key=_cost)
     best = tried[0] = sharpened_again(rough, tried[0])
     seen = case.whitened_by(noise_of(case, best, carried))
     again = _again(seen, tried, best)

@@ -23,6 +23,7 @@ __all__ = ["impulse", "interferences", "modes"]
 Array = NDArray[np.float64]
 PROBE = "probe@impulse"
 DAMPINGS = (0.008, 0.025, 0.08, 0.2)
+WIDELY = 4.0  # times its frequency in the screen: as far as a mode's fit may go, and not beyond what rows show
 LIGHT = 0.4  # damping above which a mode is none
 RATIO = 1.02  # of neighbouring frequencies of the search for modes
 LINES = 3  # highest lines tried at a port
@@ -170,7 +171,8 @@ def _best_modes(
     for k, (port, source) in enumerate(ways):
         for chi2, centre, damping, gain in sorted(best[k], reverse=True)[:MODES]:
             values = {"gain": gain, "frequency": centre, "damping": damping}
-            limits = {"damping": (1e-4, LIGHT)}
+            highest = max(centre, min(WIDELY * centre, 0.5 / step))
+            limits = {"damping": (1e-4, LIGHT), "frequency": (centre / WIDELY, highest)}
             found.append(Screened(Added("flexible_mode", str(port), values, {"source": source}, frozenset(), limits),
                                   chi2))  # fmt: skip
     return found
