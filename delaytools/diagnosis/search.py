@@ -275,7 +275,9 @@ def _swapped(
         if time.monotonic() > deadline:
             break
         rest = tuple(one for k, one in enumerate(fitted.added) if k != place)
-        without = fit_hypothesis(case, rest, near=fitted, tolerance=QUICK)
+        without = _attempt(case, rest, fitted, STEPS)
+        if without is None:  # unstable without it: nothing else can be tried in its place
+            continue
         here = fitted.added[place].key
         found = [one for one in proposals(case, without)[:8] if one.added.key != here]
         hypotheses = [((*without.added, one.added), one.gain) for one in found]
@@ -297,9 +299,9 @@ def _pruned(
     place = 0
     while place < len(fitted.added) and len(fitted.added) > 1:
         rest = tuple(one for k, one in enumerate(fitted.added) if k != place)
-        without = fit_hypothesis(case, rest, near=fitted)
+        without = _refit(case, replace(fitted, added=rest))
         last = fit_hypothesis(case, (*rest, fitted.added[place]), near=fitted)
-        if _worthwhile(case, without, last, carried):
+        if without is None or _worthwhile(case, without, last, carried):
             place += 1
             continue
         case, fitted = _rewhitened(case, without, carried)

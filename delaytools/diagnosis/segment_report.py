@@ -28,6 +28,7 @@ from delaytools.diagnosis.noise_of import features, references
 from delaytools.diagnosis.quantities import quantities
 from delaytools.diagnosis.search import MOST, PENALTY, Finding
 from delaytools.diagnosis.structure import Band, structured_bands
+from delaytools.signals.trouble import DelaytoolsError
 
 __all__ = ["SegmentReport", "segment_report"]
 
@@ -68,8 +69,10 @@ def segment_report(found: Finding) -> SegmentReport:
     left = _unexplained(case, fitted) or _imitated(case, fitted)
     sets = [_alike(found, k) for k in range(len(fitted.added))]
     confusable = tuple(
-        Confusable(case.exits[0], tuple(_rival(case, one, fitted) for one in (fitted, *members)))
-        for members in sets
+        Confusable(
+            case.exits[0], (_rival(case, fitted, fitted, place), *(_rival(case, one, fitted) for one in members))
+        )
+        for place, members in enumerate(sets)
         if members
     )
     missing = tuple(_missing(found, k, certain=not sets[k] and not left) for k in range(len(fitted.added)))
@@ -117,7 +120,8 @@ def _alike(found: Finding, place: int) -> tuple[Fitted, ...]:
         mine_out, other_out = (held_out(f, found.case.rows) for f in (found.fitted, one))
         gain, spread = mine_out.better_than(other_out)
         if found.case.pieces:
-            alike = gain < max(ALIKE, _significant(len(mine_out.blocks)) * spread)
+            paid = gain + PENALTY * (one.size - found.fitted.size)
+            alike = paid < max(ALIKE, _significant(len(mine_out.blocks)) * spread)
         else:
             alike = _cost(one) - best < max(ALIKE, min(spread, 3 * ALIKE))
         if alike:
@@ -154,8 +158,9 @@ def shown_at(case: Case, one: Added) -> str:
     return signal if signal in case.exits else case.exits[0]
 
 
-def _rival(case: Case, one: Fitted, best: Fitted) -> Rival:
-    place = len(one.added) - 1
+def _rival(case: Case, one: Fitted, best: Fitted, place: int = -1) -> Rival:
+    """A hypothesis by the effect at a place in it, the last one where none is said."""
+    place %= len(one.added)
     added: Added = one.added[place]
     out = held_out(one, case.rows)
     null = held_out(best, case.rows)
@@ -219,7 +224,10 @@ def _steps(found: Finding, *, adequate: bool) -> tuple[Step, ...]:
         added = found.fitted.added[:count]
         if count == 0 and not nominal:
             continue
-        last = fit_hypothesis(case, added, near=last or found.null)
+        try:
+            last = fit_hypothesis(case, added, near=last or found.null)
+        except DelaytoolsError:  # unstable without what is still to come: no rung of its own
+            continue
         label = f"+ {added[-1].name}" if added else "tolerances fitted"
         steps.append(_step(case, label, last, last.values))
     return tuple(steps)

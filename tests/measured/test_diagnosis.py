@@ -9,6 +9,7 @@ from benchmarks.measured_errors import LOGS, SETS, diagnosed
 from delaytools.diagnosis.answer import Diagnosis, Missing
 
 OFFSET = ("constant_disturbance", "bias")
+FORCES = ("coulomb_friction", "constant_disturbance")
 BUDGET = 400.0  # s
 SAMPLE = 0.08  # s, of the dryer's log
 
@@ -69,10 +70,15 @@ def test_silverbox_lacks_its_cubic_spring() -> None:
 
 @measured
 def test_emps_lacks_coulomb_friction_first_then_the_offset() -> None:
-    """Published: Coulomb friction dominates, an offset force comes next; mass 95.1 kg."""
+    """Published (Janot et al.): 20.4 N of Coulomb friction, 3.16 N of offset, 203.5 N s/m, 95.1 kg."""
     found = _found("emps")
     first, second = _named(found)[:2]
     assert first == "coulomb_friction" and second in OFFSET
     assert found.missing[0].at == "drive.v'"
-    assert found.tolerated["drive.mass"].value == pytest.approx(95.1, rel=0.02)
+    mass = found.tolerated["drive.mass"].value
+    forces = {one.effect: mass * one.parameters["level"].value for one in found.missing if one.effect in FORCES}
+    assert forces["coulomb_friction"] == pytest.approx(20.4, rel=0.1)
+    assert forces["constant_disturbance"] == pytest.approx(3.16, rel=0.1)
+    assert found.tolerated["drive.viscous"].value == pytest.approx(203.5, rel=0.05)
+    assert mass == pytest.approx(95.1, rel=0.03)
     assert _fall(found, "position") < 0.35
