@@ -27,7 +27,7 @@ EXCESS = 1.05  # of the noise: a residual below it is not worth a search for qua
 FINEST = 1e-7  # of a step: how well it is to be known
 AROUND = 0.03  # of the best step: where a better one may lie
 TRIED, TRIED_SLOWLY = 12, 4  # steps whose change is sent through the segment, by convolution and by runs
-MOST_STEPS = 400  # of a quantiser that are tried at a port
+MOST_STEPS = 900  # of a quantiser that are tried at a port
 
 
 def quantisations(base: Base, view: View, spots: Sequence[Spot]) -> list[Screened]:
@@ -50,14 +50,19 @@ def _best_step(base: Base, spot: Spot, signals: tuple[Array, ...]) -> Screened |
     spread = float(np.std(np.concatenate(signals)))
     shown = shown_as(base.case, spot.port)
     left = base.case.measured[0] - base.outputs[0]
-    share = float(np.mean(left.std(axis=0) / np.maximum(base.case.measured[0].std(axis=0), 1e-300)))
-    size = np.sqrt(12) * (float(left[:, shown].std()) if shown is not None else share * spread)
-    if spread <= 0 or size <= 0 or (shown is None and not _above_noise(base.case, left)):
+    if spread <= 0 or (shown is None and not _above_noise(base.case, left)):
         return None
     way = base.way(str(spot.port))
-    if way is None:
+    if way is None or way.every == 0:
         return None
-    steps = _steps(spread, 0.25 * size, (1.3 if shown is not None else 6.0) * size, MOST_STEPS)
+    if shown is not None:
+        size = float(np.sqrt(12) * left[:, shown].std())
+        steps = _steps(spread, 0.25 * size, 1.3 * size, MOST_STEPS)
+    else:
+        size = _size_by_power(base, way)
+        steps = _steps(spread, 0.25 * size, 3.0 * size, MOST_STEPS)
+    if not 0 < size < np.inf:
+        return None
     weights = way.weights(base.residual)
     promised = np.array([_promised(step, way, signals, weights) for step in steps])
     first = np.argsort(promised)[::-1][: TRIED if way.is_quick else TRIED_SLOWLY]
@@ -95,6 +100,12 @@ def with_step_fitted(base: Base, one: Added) -> Screened:
             return max(found, finer, key=lambda screened: screened.gain)
         found = finer
     return found
+
+
+def _size_by_power(base: Base, way: Way) -> float:
+    """The step whose rounding, white and of variance step²/12, would bring the power of the residual to the exits."""
+    brought = sum(float(2 * gain.sum() - gain[0]) for gain in way.gains) / max(way.every, 1)
+    return float(np.sqrt(12 * (base.residual @ base.residual) / brought)) if brought > 0 else 0.0
 
 
 def _above_noise(case: Case, left: Array) -> bool:
