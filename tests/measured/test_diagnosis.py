@@ -80,5 +80,11 @@ def test_emps_lacks_coulomb_friction_first_then_the_offset() -> None:
     assert forces["coulomb_friction"] == pytest.approx(20.4, rel=0.1)
     assert forces["constant_disturbance"] == pytest.approx(3.16, rel=0.1)
     assert found.tolerated["drive.viscous"].value == pytest.approx(203.5, rel=0.05)
-    assert mass == pytest.approx(95.1, rel=0.03)
     assert _fall(found, "position") < 0.35
+
+
+@pytest.mark.xfail(strict=True, reason="93.04 kg, 2.2 % low: a third effect, an interference at 0.67 Hz, pulls it")
+@measured
+def test_emps_mass_is_the_published_one() -> None:
+    """Published: 95.1 kg; found within 2 % before friction and offset were found at their published levels."""
+    assert _found("emps").tolerated["drive.mass"].value == pytest.approx(95.1, rel=0.02)
