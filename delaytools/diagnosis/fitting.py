@@ -60,13 +60,12 @@ def fit_hypothesis(
     added: tuple[Added, ...],
     *,
     near: Fitted | None = None,
-    mask: NDArray[np.bool_] | None = None,
     tolerance: float = TOLERANCE,
     evaluations: int = STEPS,
 ) -> Fitted:
     """The hypothesis with its values where Σ residual² is least; `near` gives starts for tolerated values.
 
-    mask: rows that count (default: all). tolerance: of χ² and values, relative. evaluations: at most so many runs.
+    tolerance: of χ² and values, relative. evaluations: at most so many runs.
     """
     known = near.by_path if near else {}
     start = [
@@ -77,7 +76,6 @@ def fit_hypothesis(
     ]
     if not start:
         return at_values(case, added, Fitted(added, (), np.zeros(0), np.zeros((0, 0))))
-    keep = slice(None) if mask is None else mask
     memory: dict[tuple[float, ...], tuple[Array, Array]] = {}
 
     def both(x: Array) -> tuple[Array, Array]:
@@ -90,10 +88,10 @@ def fit_hypothesis(
 
     def residual(x: Array) -> Array:
         key = tuple(x)
-        return (memory[key][0] if key in memory else case.residual(case.outputs(added, key)))[keep]
+        return memory[key][0] if key in memory else case.residual(case.outputs(added, key))
 
     found = estimate(
-        residual, start, jacobian=lambda x: both(x)[1][keep], coloured=False, tolerance=tolerance,
+        residual, start, jacobian=lambda x: both(x)[1], coloured=False, tolerance=tolerance,
         evaluations=evaluations,
     )  # fmt: skip
     whole, slopes = both(np.array([p.value for p in found.parameters]))

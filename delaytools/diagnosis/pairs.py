@@ -1,7 +1,6 @@
 """Two candidates at once: two forces on one mass, where each alone would take another's place."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
@@ -72,5 +71,4 @@ def _at(one: Added, scale: float) -> Added | None:
     value = neutral + scale * (one.values[name] - neutral)
     if not spec.allows(value):
         return None
-    limits = {path: ends for path, ends in one.limits.items() if path != name}
-    return replace(one.moved({name: value}), limits=limits)
+    return one.moved({name: value})

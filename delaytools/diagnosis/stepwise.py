@@ -53,16 +53,12 @@ def _best_step(base: Base, spot: Spot, signals: tuple[Array, ...]) -> Screened |
     if spread <= 0 or (shown is None and not _above_noise(base.case, left)):
         return None
     way = base.way(str(spot.port))
-    if way is None or way.every == 0:
+    if way is None or way.every == 0:  # no pulse speaks for all times: nothing to choose steps by
         return None
-    if shown is not None:
-        size = float(np.sqrt(12) * left[:, shown].std())
-        steps = _steps(spread, 0.25 * size, 1.3 * size, MOST_STEPS)
-    else:
-        size = _size_by_power(base, way)
-        steps = _steps(spread, 0.25 * size, 3.0 * size, MOST_STEPS)
+    size = _size_by_power(base, way) if shown is None else float(np.sqrt(12) * left[:, shown].std())
     if not 0 < size < np.inf:
         return None
+    steps = _steps(spread, 0.25 * size, (3.0 if shown is None else 1.3) * size, MOST_STEPS)
     weights = way.weights(base.residual)
     promised = np.array([_promised(step, way, signals, weights) for step in steps])
     first = np.argsort(promised)[::-1][: TRIED if way.is_quick else TRIED_SLOWLY]

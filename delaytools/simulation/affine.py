@@ -84,10 +84,8 @@ def _advance(states: Array, onward: Array, moved: Array) -> None:
 
 
 def side_by_side(function: ca.Function) -> ca.Function:
-    """The function, outputs dense, at one point more than its state and data have numbers."""
-    given = function.sx_in()
-    dense = ca.Function(function.name(), given, [ca.densify(out) for out in function.call(given)])
-    return dense.map(1 + function.size1_in(0) + function.size1_in(1))
+    """The function, whose outputs are dense, at one point more than its state and data have numbers."""
+    return function.map(1 + function.size1_in(0) + function.size1_in(1))
 
 
 def _matrices(points: ca.Function, n: int, p: Array) -> tuple[Array, Array]:

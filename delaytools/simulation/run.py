@@ -192,7 +192,7 @@ def mapped_rows(
     """
     data, p = driven
     if FEW * (len(state) + data.shape[1]) < len(data) and call.once("affine", lambda: is_affine(call.function)):
-        points = call.once(("points", function.name(), len(state)), lambda: side_by_side(function))
+        points = call.once(("points", function.name(), len(state)), lambda: side_by_side(_densely(function)))
         return affine_rows(points, state, driven, new)
     most = ROWS_PER_CHUNK if call.copies else ROWS_PER_DATA_CHUNK
     edges = sorted({0, len(data), *(one.call for one in new if one.call < len(data))})
