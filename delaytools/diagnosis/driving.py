@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from delaytools.diagnosis.case import Case
 from delaytools.diagnosis.fitting import Fitted
-from delaytools.diagnosis.noise import Whitening
-from delaytools.diagnosis.noise_of import column_noise, noise_of
+from delaytools.diagnosis.noise import Whitening, incoherent_spectrum
+from delaytools.diagnosis.noise_of import column_noise
 from delaytools.signals.record import Record
 
 __all__ = ["driven_best", "nominal"]
@@ -30,7 +30,7 @@ def driven_best(
     known: Mapping[str, Whitening],
     written: Collection[str],
 ) -> tuple[Case, dict[str, float | Whitening]]:
-    """Each noisy entry as measured or cleaned, whichever leaves less incoherent residual; and the entries' noise.
+    """Each noisy entry cleaned, or as measured where its noise drives the segment too; and the entries' noise.
 
     known: noise of cleaned columns. written: signals that a block of the design writes.
     """
@@ -44,10 +44,10 @@ def driven_best(
     chosen: list[str] = []
     for entry in (n for n in case.segment.entries if n in cleaned[0]):
         tried = _with_columns(case, cleaned, [entry])
-        if _left_over(tried) < _left_over(case):
-            case, chosen = tried, [*chosen, entry]
-        else:
+        if _passed_on(case, tried):
             noises[entry] = 0.0
+        else:
+            case, chosen = tried, [*chosen, entry]
     return replace(case, nuisance=_nuisance(case, chosen, moved)), noises
 
 
@@ -87,11 +87,27 @@ def _nuisance(case: Case, entries: Sequence[str], moved: tuple[dict[str, Array],
     return tuple(np.stack(found, axis=2) for found in columns)
 
 
-def _left_over(case: Case) -> float:
-    silent = tuple(np.zeros(len(case.records[0])) for _ in case.exits)
-    found = noise_of(case, nominal(case), silent)
-    spread = [float(np.std(case.measured[0][:, j])) or 1.0 for j in range(len(found))]
-    return float(sum((one.rms / size) ** 2 for one, size in zip(found, spread, strict=True)))
+def _passed_on(as_measured: Case, cleaned: Case) -> bool:
+    """Whether the segment answers to the noise of an entry, which then is no noise of the pick-off alone.
+
+    The share of the noise's response that the residual holds, weighted by the residual's own spectrum: the noise goes
+    with nothing else, so that an effect that is missing changes the share's error, not its mean.
+    """
+    values = nominal(cleaned).values
+    along, power = 0.0, 0.0
+    for y, noisy, clean in zip(
+        cleaned.measured, as_measured.outputs((), values), cleaned.outputs((), values), strict=True
+    ):
+        taper = np.hanning(len(y))
+        for j in range(y.shape[1]):
+            left, answer = y[:, j] - clean[:, j], noisy[:, j] - clean[:, j]
+            frequency, density = incoherent_spectrum(left, np.zeros((len(left), 0)))
+            floor = density + 1e-12 * float(np.var(y[:, j])) + 1e-300
+            weight = 1 / np.interp(np.fft.rfftfreq(len(left)), frequency, floor)
+            spectrum = np.fft.rfft(taper * answer)
+            along += float(np.sum(weight * (spectrum.conj() * np.fft.rfft(taper * left)).real))
+            power += float(np.sum(weight * np.abs(spectrum) ** 2))
+    return along > 0.5 * power
 
 
 def _with_columns(case: Case, cleaned: tuple[dict[str, Array], ...], names: Sequence[str]) -> Case:

@@ -13,6 +13,7 @@ from delaytools.diagnosis.screen import Base, Screened, base_of, response, scree
 from delaytools.diagnosis.spectra import interferences, modes
 from delaytools.diagnosis.starts import candidates
 from delaytools.diagnosis.stepwise import quantisations, with_period_fitted, with_step_fitted
+from delaytools.diagnosis.swings import swings
 from delaytools.diagnosis.windows import transients, with_edges_fitted
 
 __all__ = ["PENALTY", "proposals", "sharpened_again", "shortlisted"]
@@ -37,7 +38,7 @@ def _all(base: Base) -> list[Screened]:
     view = base.view
     found = screened(base, (*candidates(view, places), *own_candidates(view)))
     found += interferences(base, places) + modes(base, view, places)
-    found += transients(base, places)
+    found += transients(base, places) + swings(base, places)
     found += quantisations(base, view, places) + _dropped(base)
     taken = {one.key for one in fitted.added}
     return sorted((s for s in found if s.added.key not in taken), key=_worth, reverse=True)

@@ -13,6 +13,7 @@ from delaytools.design.catalogue import EFFECTS
 from delaytools.diagnosis.added import FIRST_NUMBER, Added
 from delaytools.diagnosis.case import Case
 from delaytools.diagnosis.fitting import Fitted
+from delaytools.diagnosis.pushes import forces_on
 from delaytools.diagnosis.starts import LINEAR, Candidate
 from delaytools.diagnosis.views import View, case_view
 from delaytools.diagnosis.wires import Way, change_at, own_way, way_of
@@ -59,11 +60,15 @@ class Base:
         return self._ways[at]
 
     def moved_by(self, one: Added) -> tuple[Array, ...] | None:
-        """Per log (n, exits): how the exits move by what the effect changes in its wire; None where it has no way."""
+        """Per log (n, exits): how the exits move by what the effect changes in its wire, or by its force along the
+        measured motion; None where neither is known."""
         way, element = self.way(one.at), own_way(self.view, one)
-        if way is None or element is None:
+        if way is None:
             return None
-        changes = change_at(self.view, way.port, element)
+        if way.port.kind == "derivative":
+            changes = forces_on(self.view, one)
+        else:
+            changes = None if element is None else change_at(self.view, way.port, element)
         return None if changes is None else way.moved(changes)
 
     def projected(self, rows: Array) -> Array:

@@ -172,17 +172,19 @@ def _fits(
     *,
     known: float = 0.0,
 ) -> list[Fitted]:
-    """Each hypothesis fitted, with the χ² that it promised; those that promise far less than was found are left out.
+    """Each hypothesis fitted, with the χ² that it promised; those that promise far less than was found are left out,
+    or than the best promise: far from the truth all promises may be too low.
 
     known: χ² that something else is known to take off.
     """
     starts = _starts(case, fitted)
+    best = max((promised for _, promised in hypotheses), default=0.0)
     tried: list[Fitted] = []
     for place, (added, promised) in enumerate(hypotheses):
         if time.monotonic() > deadline and tried:
             break
         found = max((fitted.chi2 - one.chi2 for one in tried), default=0.0)
-        if place < ALWAYS or promised >= PROMISING * found:
+        if place < ALWAYS or promised >= PROMISING * min(found, best):
             tried += [f for near in starts if (f := _attempt(case, added, near, FEW)) is not None]
     found = max((fitted.chi2 - one.chi2 for one in tried), default=0.0)
     for place, one in enumerate(tried):

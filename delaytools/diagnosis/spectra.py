@@ -18,7 +18,7 @@ from delaytools.loop.values import resolve
 from delaytools.signals.record import Record
 from delaytools.simulation.replay import Replay
 
-__all__ = ["impulse", "interferences", "modes"]
+__all__ = ["highest_lines", "impulse", "interferences", "modes"]
 
 Array = NDArray[np.float64]
 PROBE = "probe@impulse"
@@ -92,7 +92,7 @@ def interferences(base: Base, spots: Sequence[Spot]) -> list[Screened]:
         index = case.exits.index(signal)
         power = np.abs(spectra[index]) ** 2 * 2 / len(case.records[0])
         power[: size // len(case.records[0])] = 0.0
-        for peak in _peaks(power, LINES, apart=2 * size // len(case.records[0])):
+        for peak in highest_lines(power, LINES, apart=2 * size // len(case.records[0])):
             line = spectra[index][peak] / filters[index][peak] * 2 / len(case.records[0])
             values = {
                 "amplitude": max(float(np.abs(line)), 1e-300),
@@ -111,7 +111,8 @@ def _near(frequency: float, width: float) -> tuple[float, float]:
     return max(float(frequency) - 3 * width, 0.1 * width), float(frequency) + 3 * width
 
 
-def _peaks(power: Array, count: int, *, apart: int) -> list[int]:
+def highest_lines(power: Array, count: int, *, apart: int) -> list[int]:
+    """Where a spectrum is highest: the places of its `count` highest lines, none within `apart` of a higher one."""
     left = power.copy()
     found = []
     for _ in range(count):

@@ -9,6 +9,8 @@ from delaytools.diagnosis.added import FIRST_NUMBER, Added
 from delaytools.diagnosis.case import Case
 from delaytools.diagnosis.fitting import Fitted
 from delaytools.diagnosis.screen import Base, base_of, response_instead
+from delaytools.diagnosis.swings import with_swing
+from delaytools.loop.port import find_port
 
 __all__ = ["richer"]
 
@@ -16,6 +18,8 @@ Array = NDArray[np.float64]
 LEAST_GAIN = 60.0
 FASTEST = 10.0  # Hz of a delay's swing
 STICTION = 1.3  # times the level: size at which the direction of a larger breakaway force is taken
+FASTER = 1.0  # times the speeds seen: force that falls beyond them is not seen to fall
+APART = 0.2  # of the Coulomb level: by how much it may miss lying between the forces at speed and at breakaway
 SPEEDS = (3.0, 8.0, 25.0, 80.0)  # times the smoothing width
 
 
@@ -37,13 +41,15 @@ def _breaking_away(base: Base, place: int, least: float) -> Added | None:
     """Friction that is larger at breakaway, at the speed over which it falls that takes most off."""
     one = base.fitted.added[place]
     level, width = one.values["level"], one.values["smoothing"]
-    limits = {**one.limits, "speed": (width, 1e3 * width)}
+    fastest = max(FASTER * base.view.state(find_port(base.case.segment.loop, one.at)), 2 * width)
+    between = {"level": (0.0, (1 + APART) * level), "stiction": ((1 - APART) * level, np.inf)}
+    limits = {**one.limits, **between, "speed": (width, fastest)}
     best, most = None, max(LEAST_GAIN, least)
     for speed in SPEEDS:
         values = {"level": level, "stiction": STICTION * level, "speed": speed * width, "smoothing": width}
         richer_one = Added("stribeck_friction", one.at, values, {}, frozenset(), limits)
         change = response_instead(base, place, richer_one)
-        gain, scale = (0.0, 0.0) if change is None else base.gain(change, -1.0, 10.0)
+        gain, scale = (0.0, 0.0) if change is None else base.gain(change, 0.0, 10.0)
         if gain > most:
             best, most = richer_one.moved({"stiction": level * (1 + scale * (STICTION - 1))}), gain
     return best
@@ -76,5 +82,4 @@ def _varying(base: Base, place: int, least: float) -> Added | None:
         "frequency": frequency,
         "phase": float(np.arctan2(weights[1], weights[0])),
     }
-    limits = {"phase": (-10.0, 10.0), "frequency": (0.5 * frequency, 2 * frequency)}
-    return Added("variable_delay", one.at, values, {}, frozenset(), limits)
+    return with_swing(one.at, values)

@@ -24,6 +24,7 @@ from delaytools.blocks.sample_hold import SampleHold
 from delaytools.diagnosis.added import Added, with_added
 from delaytools.diagnosis.case import Case
 from delaytools.diagnosis.fitting import Fitted
+from delaytools.diagnosis.pushes import moves_as_measured
 from delaytools.diagnosis.views import View
 from delaytools.loop.loop import Element, Loop
 from delaytools.loop.port import Port
@@ -179,13 +180,15 @@ class Way:
 def way_of(view: View, fitted: Fitted, outputs: tuple[Array, ...], port: Port) -> Way | None:
     """The way that the effect's change takes; None where it must be run in the loop itself.
 
-    That is where it does not stand in a wire, where the wire goes round a loop inside the segment, and where logs are
-    in pieces.
+    That is where it does not stand in a wire (or on the derivative of a measured state), where the wire goes round a
+    loop inside the segment, and where logs are in pieces.
     """
     case = view.case
-    if port.kind not in ("input", "output") or case.pieces or _is_round(case.segment.loop, port):
+    stands = port.kind in ("input", "output") or moves_as_measured(case.segment.loop, case.exits, port)
+    if not stands or case.pieces or _is_round(case.segment.loop, port):
         return None
-    return Way(case, fitted, port, outputs, view.is_held(port), _ticks(view.loop, port, case.step))
+    held = port.kind != "derivative" and view.is_held(port)
+    return Way(case, fitted, port, outputs, held, _ticks(view.loop, port, case.step))
 
 
 def _ticks(loop: Loop, port: Port, step: float) -> int:
@@ -321,7 +324,7 @@ def _behind(loop: Loop, port: Port) -> set[str]:
         for name in _read_by(element):
             readers.setdefault(name, []).append(element.name)
     element = loop[port.element]
-    first = [port.element] if port.kind == "input" else readers.get(element.outputs[port.name], [])
+    first = [port.element] if port.kind != "output" else readers.get(element.outputs[port.name], [])
     waiting, found = list(first), set[str]()
     while waiting:
         name = waiting.pop()

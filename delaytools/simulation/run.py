@@ -1,7 +1,7 @@
 """Run a compiled loop: externals sampled at every stage, calls mapped over chunks, rows gathered."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import final
 
@@ -16,13 +16,16 @@ from delaytools.simulation.anew import Anew, Reset, resets
 from delaytools.simulation.from_data import data_call
 from delaytools.simulation.physics import Physics, physics
 from delaytools.simulation.repeating import repeating_call
-from delaytools.simulation.timing import STIFFNESS, timing_of
+from delaytools.simulation.schedule import Timing
+from delaytools.simulation.timing import STIFFNESS, stiffens, substeps_at, timing_of
 from delaytools.simulation.unroll import Call
 
 __all__ = ["Compiled", "call_at", "compile_loop", "initial_state", "mapped_rows", "prepared_data", "run", "trimmed"]
 
 Array = NDArray[np.float64]
 ROWS_PER_CHUNK = 500
+MET = 200  # points of a run at which its stiffness is taken
+SHORTLY = 2.0  # times the |λ| h elsewhere that a step may have where friction is stiffest under the largest load
 KEPT_NUMBERS = 1_000_000  # of an input's values that are kept for the next run
 FEW = 2  # times fewer units to try than calls to walk: where matrices pay
 ROWS_PER_DATA_CHUNK = 100  # building a map of calls that gather costs more than running it
@@ -63,9 +66,48 @@ def compile_loop(
     wakes = _wakes(numeric, stimuli, loop.frame)
     timing = timing_of(numeric, jumps, substeps=substeps, stiffness=stiffness, delays=delays, wakes=wakes)
     frames = round(duration / loop.frame)
-    end = (frames + 1) * loop.frame
-    call = repeating_call(model, timing, short=short) or data_call(model, timing, end, short=short)
-    return Compiled(model, call, frames, loop.frame, stimuli)
+
+    def made(model: Physics, timing: Timing) -> Compiled:
+        end = (frames + 1) * loop.frame
+        call = repeating_call(model, timing, short=short) or data_call(model, timing, end, short=short)
+        return Compiled(model, call, frames, loop.frame, stimuli)
+
+    if substeps is None and stiffens(numeric):
+        met = substeps_at(numeric, _points_met(made(numeric, timing)), SHORTLY * stiffness)
+        timing = replace(timing, substeps=max(met, timing.substeps))
+    return made(model, timing)
+
+
+def _points_met(compiled: Compiled) -> list[Array]:
+    """Per argument of the rates (points, size): where a run without free values is at the beginnings of its calls,
+    as it is and with each state in turn at rest: friction is stiffest there."""
+    call, model, layout = compiled.call, compiled.model, compiled.model.layout
+    arguments = call.function.sx_in()
+    after = call.function(*arguments)[0]
+    walk = ca.Function("walk", arguments, [after, after])
+    first = np.asarray(initial_state(compiled, ())).ravel()
+    states = mapped_rows(call, walk, first, (prepared_data(compiled), np.zeros(0)))
+    every = max(1, len(states) // MET)
+    x = states[:-1:every, : len(layout.states)]
+    begun = np.arange(1, len(states))[::every]
+    time = begun * call.rows * compiled.frame if call.copies else call.grid.start[begun * call.spans]
+    rows = run(compiled)[1][np.minimum((time / compiled.frame + 1e-6).astype(int), compiled.frames)]
+
+    def shown(elements: Sequence[str]) -> Array:
+        ports = [(model.net.elements[name], "output") for name in elements]
+        return _columns(rows, layout.signals, [e.outputs[port] for e, port in ports])
+
+    held = _columns(rows, layout.signals, [model.net.elements[name].outputs[port] for name, port in layout.held])
+    driven = [compiled.stimuli.get(name, Zero()).value(time) for name in layout.externals]
+    external = np.stack(driven, axis=1) if driven else np.zeros((len(time), 0))
+    at = [x, held, shown(layout.transports), shown(layout.followers), external, time[:, None], 0 * time[:, None]]
+    resting = [np.where(np.arange(x.shape[1]) == k, 0.0, x) for k in range(x.shape[1])]
+    return [np.concatenate([x, *resting]), *(np.tile(rows, (1 + x.shape[1], 1)) for rows in at[1:]),
+            np.zeros((len(x) * (1 + x.shape[1]), 0))]  # fmt: skip
+
+
+def _columns(rows: Array, known: Sequence[str], names: Sequence[str]) -> Array:
+    return rows[:, [known.index(name) for name in names]]
 
 
 def _wakes(model: Physics, stimuli: Mapping[str, Stimulus], frame: float) -> bool:

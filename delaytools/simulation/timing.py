@@ -1,7 +1,7 @@
 """What the grid of a run needs to know of a loop: periods, delays, sharp arrivals, steps per frame."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import casadi as ca
@@ -12,9 +12,10 @@ from delaytools.blocks.block import Sampled, Transport
 from delaytools.simulation.physics import Physics
 from delaytools.simulation.schedule import Arrival, Timing
 
-__all__ = ["STIFFNESS", "timing_of"]
+__all__ = ["STIFFNESS", "stiffens", "substeps_at", "timing_of"]
 
 Array = NDArray[np.float64]
+MOST = 100  # steps per frame
 STIFFNESS = 0.5  # largest |λ| h of one Runge–Kutta step
 START = "start of the run"
 SHARPEST = 3  # a jump in this derivative of a delayed signal no longer lowers the order of a Runge–Kutta step
@@ -64,15 +65,31 @@ def _delay_function(block: Any, column: tuple[Array, Array] | None) -> tuple[Any
 
 def _substeps(model: Physics, stiffness: float) -> int:
     """Steps per frame so that |λ| h stays within `stiffness` at the initial point."""
-    size = len(model.layout.states)
-    if size == 0:
+    if not model.layout.states:
         return 1
-    x = ca.SX.sym("x", size)
-    others = [ca.DM.zeros(*model.rates.size_in(i)) for i in range(1, 8)]
-    jacobian = ca.Function("jacobian", [x], [ca.densify(ca.jacobian(model.rates(x, *others), x))])
-    values = np.nan_to_num(np.asarray(jacobian(np.zeros(size))))
-    fastest = float(np.max(np.abs(np.linalg.eigvals(values))))
-    return max(1, min(100, math.ceil(fastest * model.net.loop.frame / stiffness - 1e-9)))
+    others = [np.zeros((1, model.rates.size1_in(i))) for i in range(1, 8)]
+    return substeps_at(model, [np.zeros((1, len(model.layout.states))), *others], stiffness)
+
+
+def substeps_at(model: Physics, points: Sequence[Array], stiffness: float) -> int:
+    """Steps per frame so that |λ| h stays within `stiffness` at points: per argument of the rates (points, size)."""
+    size = len(model.layout.states)
+    around = [ca.SX.sym(f"a{i}", model.rates.size1_in(i)) for i in range(8)]
+    jacobian = ca.Function("jacobian", around, [ca.densify(ca.jacobian(model.rates(*around), around[0]))])
+    values = np.asarray(jacobian.map(len(points[0]))(*(ca.DM(rows.T) for rows in points)))
+    matrices = np.nan_to_num(values.reshape(size, -1, size).swapaxes(0, 1))
+    fastest = float(np.max(np.abs(np.linalg.eigvals(matrices))))
+    return max(1, min(MOST, math.ceil(fastest * model.net.loop.frame / stiffness - 1e-9)))
+
+
+def stiffens(model: Physics) -> bool:
+    """Whether what drives the loop changes how stiff it is, as friction by load does."""
+    x, e = (ca.SX.sym(name, model.rates.size1_in(i)) for name, i in (("x", 0), ("e", 4)))
+    others = [ca.SX.sym(f"o{i}", model.rates.size1_in(i)) for i in range(8)]
+    point = [x, *others[1:4], e, *others[5:]]
+    slopes = ca.vec(ca.jacobian(model.rates(*point), x))
+    driven = ca.vertcat(e, others[1], others[2])
+    return x.numel() > 0 and driven.numel() > 0 and bool(any(ca.which_depends(slopes, driven, 1, False)))
 
 
 def sharp_arrivals(model: Physics, jumping: tuple[str, ...]) -> tuple[Arrival, ...]:
