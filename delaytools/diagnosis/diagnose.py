@@ -13,10 +13,10 @@ from delaytools.design.design import Design
 from delaytools.design.tolerance import tolerances
 from delaytools.diagnosis.answer import Diagnosis, Interrupted, Step
 from delaytools.diagnosis.case import prepared_case
-from delaytools.diagnosis.driving import driven_best, nominal
+from delaytools.diagnosis.driving import driven_best
 from delaytools.diagnosis.extent import searched_rows
 from delaytools.diagnosis.noise import Whitening, wiener_part
-from delaytools.diagnosis.noise_of import EXACT, carried_noise, column_noise
+from delaytools.diagnosis.noise_of import EXACT, Carried, column_noise
 from delaytools.diagnosis.runs import as_logged, differing, held_by_design, pieces_in_words, pieces_of
 from delaytools.diagnosis.search import search
 from delaytools.diagnosis.segment_report import SegmentReport, segment_report
@@ -219,8 +219,7 @@ def _work(task: _Task) -> SegmentReport:
     case = as_logged(prepared_case(part, task.records, free, at_rest), task.design, task.pieces, task.numbers)
     case, noises = driven_best(case, task.cleaned, task.moved, task.noise, set(loop.writers))
     deadline, seed = task.limits
-    carried = carried_noise(case, nominal(case), noises, seed=seed)
-    return segment_report(search(case, carried, deadline=deadline))
+    return segment_report(search(case, Carried(noises, seed), deadline=deadline))
 
 
 def _answer(reports: list[SegmentReport], words: tuple[str, ...], seconds: float) -> Diagnosis:

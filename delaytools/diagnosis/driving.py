@@ -5,16 +5,20 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import csd
 
 from delaytools.diagnosis.case import Case
 from delaytools.diagnosis.fitting import Fitted
-from delaytools.diagnosis.noise import Whitening, incoherent_spectrum
+from delaytools.diagnosis.noise import Whitening
 from delaytools.diagnosis.noise_of import column_noise
 from delaytools.signals.record import Record
 
 __all__ = ["driven_best", "nominal"]
 
 Array = NDArray[np.float64]
+SEGMENT, FEWEST = 1024, 8  # rows of a stretch for spectra, and how many stretches there are at least
+LATE = (0, 1, 2, 3, 5, 8)  # rows by which a computer may read late
+INDEPENDENT = 1.89  # Hann-tapered stretches of half overlap per stretch's length that count as independent (Welch 1967)
 CLEARLY = 0.98  # of the residual: below it another way of joining rows is taken
 
 
@@ -44,7 +48,7 @@ def driven_best(
     chosen: list[str] = []
     for entry in (n for n in case.segment.entries if n in cleaned[0]):
         tried = _with_columns(case, cleaned, [entry])
-        if _passed_on(case, tried):
+        if _passed_on(case, tried, entry):
             noises[entry] = 0.0
         else:
             case, chosen = tried, [*chosen, entry]
@@ -87,27 +91,47 @@ def _nuisance(case: Case, entries: Sequence[str], moved: tuple[dict[str, Array],
     return tuple(np.stack(found, axis=2) for found in columns)
 
 
-def _passed_on(as_measured: Case, cleaned: Case) -> bool:
+def _passed_on(as_measured: Case, cleaned: Case, entry: str) -> bool:
     """Whether the segment answers to the noise of an entry, which then is no noise of the pick-off alone.
 
-    The share of the noise's response that the residual holds, weighted by the residual's own spectrum: the noise goes
-    with nothing else, so that an effect that is missing changes the share's error, not its mean.
+    The power of the residual that goes with the noise's response, of that response, weighted by the residual's own
+    spectrum: the noise goes with nothing else, so that an effect that is missing changes the share's error, not its
+    mean. At any phase and gain, and for what samples by the rows before each as well: what is missing may delay the
+    noise, too.
     """
+    late = LATE if set(cleaned.exits) <= cleaned.records[0].held else (0,)
+    return sum(_share(_noisy(as_measured, cleaned, (entry, rows)), cleaned) for rows in late) > 0.5
+
+
+def _noisy(as_measured: Case, cleaned: Case, late: tuple[str, int]) -> Case:
+    """The cleaned case with the noise of an entry, some rows late."""
+    entry, rows = late
+    columns = tuple(
+        {entry: c[entry] + np.concatenate([np.zeros(rows), (m[entry] - c[entry])[: len(m) - rows]])}
+        for m, c in zip(as_measured.records, cleaned.records, strict=True)
+    )
+    return _with_columns(as_measured, columns, [entry])
+
+
+def _share(noisy_case: Case, cleaned: Case) -> float:
+    """The power of the residual that goes with the noise's response, of that response."""
     values = nominal(cleaned).values
     along, power = 0.0, 0.0
     for y, noisy, clean in zip(
-        cleaned.measured, as_measured.outputs((), values), cleaned.outputs((), values), strict=True
+        cleaned.measured, noisy_case.outputs((), values), cleaned.outputs((), values), strict=True
     ):
-        taper = np.hanning(len(y))
-        for j in range(y.shape[1]):
+        size = min(SEGMENT, len(y) // FEWEST)
+        count = max(INDEPENDENT * len(y) / max(size, 1), 2.0)
+        for j in range(y.shape[1] if size > 1 else 0):
             left, answer = y[:, j] - clean[:, j], noisy[:, j] - clean[:, j]
-            frequency, density = incoherent_spectrum(left, np.zeros((len(left), 0)))
-            floor = density + 1e-12 * float(np.var(y[:, j])) + 1e-300
-            weight = 1 / np.interp(np.fft.rfftfreq(len(left)), frequency, floor)
-            spectrum = np.fft.rfft(taper * answer)
-            along += float(np.sum(weight * (spectrum.conj() * np.fft.rfft(taper * left)).real))
-            power += float(np.sum(weight * np.abs(spectrum) ** 2))
-    return along > 0.5 * power
+            welch = {"nperseg": size, "detrend": "linear"}
+            both = np.abs(csd(answer, left, **welch)[1]) ** 2
+            own, rest = csd(answer, answer, **welch)[1].real, csd(left, left, **welch)[1].real
+            weight = 1 / (rest + 1e-12 * float(np.var(y[:, j])) / size + 1e-300)
+            shared = np.divide(both, own, out=np.zeros_like(own), where=own > 0)
+            along += float(np.sum(weight * (count * shared - rest))) / (count - 1)
+            power += float(np.sum(weight * own))
+    return along / power if power > 0 else 0.0
 
 
 def _with_columns(case: Case, cleaned: tuple[dict[str, Array], ...], names: Sequence[str]) -> Case:

@@ -36,6 +36,10 @@ class HeldOut:
             change
         ) > 1 else np.inf
 
+    def row_by_row(self, other: "HeldOut") -> float:
+        """Standard error over rows of the χ² by which this is better than another."""
+        return float(np.sqrt(np.sum((other.residual**2 - self.residual**2) ** 2)))
+
 
 def folds_of(rows: Rows) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:
     """(rows,) whether a row is in the first fold, and its block; logs are folds where there are several.

@@ -1,7 +1,8 @@
 """The noise at the exits of a segment: what no input explains, never below what the logs can resolve."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field
+from typing import Any, final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +13,7 @@ from delaytools.diagnosis.noise import Whitening, incoherent_spectrum, whitening
 from delaytools.estimation.noise_level import difference_noise
 from delaytools.signals.record import Record
 
-__all__ = ["EXACT", "carried_noise", "column_noise", "features", "noise_of"]
+__all__ = ["EXACT", "Carried", "column_noise", "features", "noise_of"]
 
 Array = NDArray[np.float64]
 RESOLVED = 3e-5  # of a signal's rms: differences below it are the simulation's or the log's rounding
@@ -20,6 +21,7 @@ RESOLVED_HELD = 1e-4
 EXACT = 5e-5  # of a signal's rms: noise below it is none
 STILL = 1e-6  # of a signal's size: its spread is taken to be no less
 CONSTANT = 1e-9  # of a signal's size: what moves less stands still
+KEPT = 20  # responses to noise
 CLEANED = 0.15  # of the noise of a measured input that is left when the input was cleaned
 
 
@@ -51,36 +53,57 @@ def _bent(signals: Sequence[Array], rows: int) -> Array:
     return np.stack(columns, axis=1) if columns else np.zeros((rows, 0))
 
 
-def carried_noise(
-    case: Case, fitted: Fitted, noises: Mapping[str, float | Whitening], *, seed: int = 1
-) -> tuple[Array, ...]:
-    """Per exit (n,): what noise on measured inputs (white of a standard deviation, or of a spectrum) sends through."""
-    noisy = {n: s for n, s in noises.items() if n in case.segment.entries and (isinstance(s, Whitening) or s > 0)}
-    if not noisy:
-        return tuple(np.zeros(len(case.records[0])) for _ in case.exits)
-    record = case.records[0]
-    generator = np.random.default_rng(seed)
-    columns = {
-        n: record[n]
-        + (s.draw(len(record), generator) if isinstance(s, Whitening) else s * generator.standard_normal(len(record)))
-        for n, s in noisy.items()
-    }
-    moved = Record(record.time, {**record.columns, **columns}, record.units, record.held)
-    replay = case.replays(fitted.added)[0]
-    stimuli = {**replay.stimuli, **case.stimuli_for(moved, tuple(noisy))}
-    run = replace(replay, stimuli=stimuli, _compiled={}, _parts={})
-    change = run.run(fitted.values) - replay.run(fitted.values)
-    return tuple(change.T)
+@final
+@dataclass(frozen=True, eq=False)
+class Carried:
+    """What noise on the measured inputs of a segment sends to its exits.
+
+    noises: of each input, a standard deviation where it is white, or a spectrum. seed: of the noise that is drawn.
+    """
+
+    noises: Mapping[str, float | Whitening]
+    seed: int = 1
+    _found: dict[Any, tuple[Array, ...]] = field(default_factory=dict, repr=False)
+
+    def through(self, case: Case, fitted: Fitted, *, share: float = 1.0) -> tuple[Array, ...]:
+        """Per exit (n,), along the first log: the response of a hypothesis to a share of the noise.
+
+        Through a quantiser that is no share of the response: a little noise moves a switching row by as much as it
+        is, and the jump there is the quantiser's whole step.
+        """
+        key = (share, fitted.values, *((one.key, tuple(one.values.values())) for one in fitted.added))
+        if key not in self._found:
+            self._found.clear() if len(self._found) > KEPT else None
+            self._found[key] = self._response(case, fitted, share)
+        return self._found[key]
+
+    def _response(self, case: Case, fitted: Fitted, share: float) -> tuple[Array, ...]:
+        named = {n: s for n, s in self.noises.items() if n in case.segment.entries}
+        noisy = {n: s for n, s in named.items() if isinstance(s, Whitening) or s > 0}
+        if not noisy:
+            return tuple(np.zeros(len(case.records[0])) for _ in case.exits)
+        record = case.records[0]
+        generator = np.random.default_rng(self.seed)
+        columns = {n: record[n] + share * _drawn(s, len(record), generator) for n, s in noisy.items()}
+        moved = Record(record.time, {**record.columns, **columns}, record.units, record.held)
+        replay = case.replays(fitted.added)[0]
+        change = replay.run_driven(fitted.values, case.stimuli_for(moved, tuple(noisy))) - replay.run(fitted.values)
+        return tuple(change.T)
 
 
-def noise_of(
-    case: Case, fitted: Fitted, carried: tuple[Array, ...], *, share: float = CLEANED
-) -> tuple[Whitening, ...]:
+def _drawn(noise: float | Whitening, rows: int, generator: np.random.Generator) -> Array:
+    if isinstance(noise, Whitening):
+        return noise.draw(rows, generator)
+    return noise * generator.standard_normal(rows)
+
+
+def noise_of(case: Case, fitted: Fitted, carried: Carried) -> tuple[Whitening, ...]:
     """One filter per exit from the residual of a fitted hypothesis.
 
-    carried: what the inputs' noise sends to each exit; `share` of it is taken to be there at least.
+    What is left of the inputs' noise when these were cleaned is taken to be there at least.
     """
     outputs = case.outputs(fitted.added, fitted.values)
+    sent = carried.through(case, fitted, share=CLEANED)
     found = []
     for j, exit in enumerate(case.exits):
         spectra = [incoherent_spectrum(*pair) for pair in _series(case, outputs, j)]
@@ -91,8 +114,8 @@ def noise_of(
         shown = np.concatenate([m[:, j] for m in case.measured])
         spread = max(float(shown.std()), STILL * float(np.abs(shown).max()))
         floor = ((RESOLVED_HELD if held else RESOLVED) * spread) ** 2
-        least = incoherent_spectrum(carried[j], np.zeros((len(carried[j]), 0)))
-        density = np.maximum(density, floor + share**2 * np.interp(frequency, *least))
+        least = incoherent_spectrum(sent[j], np.zeros((len(sent[j]), 0)))
+        density = np.maximum(density, floor + np.interp(frequency, *least))
         found.append(whitening(frequency, density))
     return tuple(found)
 

@@ -13,7 +13,7 @@ from delaytools.diagnosis.fitting import STEPS, TOLERANCE, Fitted, fit_hypothesi
 from delaytools.diagnosis.heldout import HeldOut, held_out
 from delaytools.diagnosis.lattices import quantisers_shown
 from delaytools.diagnosis.noise import incoherent_spectrum
-from delaytools.diagnosis.noise_of import EXACT, column_noise, noise_of
+from delaytools.diagnosis.noise_of import EXACT, Carried, column_noise, noise_of
 from delaytools.diagnosis.pairs import pairs
 from delaytools.diagnosis.proposals import PENALTY, proposals, sharpened_again
 from delaytools.diagnosis.screen import base_of
@@ -28,6 +28,7 @@ NAMED = 60.0  # held-out χ² that an effect must be worth
 PART_OF_NOISE = 0.25  # of the noise rms that an effect must contribute
 IN_A_BAND = 1.5  # times the noise density, where an effect is small in all
 MOST = 3
+LUCK = 3.5  # standard errors over rows by which an effect must win (Vuong 1989): noise in spikes pays by chance
 SHORTEST = 0.5  # rows: a shorter delay or lag may be the way in which rows are joined
 QUICK = 1e-4
 FEW, MORE = 4, 10  # runs of a first fit that only ranks, and of one that is worth going on with
@@ -59,8 +60,8 @@ class Finding:
     exhausted: bool
 
 
-def search(case: Case, carried: tuple[Array, ...], *, deadline: float = np.inf) -> Finding:
-    """The effects that the logs of a segment ask for; `carried` is what the inputs' noise sends to its exits."""
+def search(case: Case, carried: Carried, *, deadline: float = np.inf) -> Finding:
+    """The effects that the logs of a segment ask for; `carried`: what the inputs' noise sends to its exits."""
     case = case.whitened_by(noise_of(case, _unfitted(case), carried))
     if case.residual(case.outputs((), _unfitted(case).values)).std() > 1e-2:
         case = with_draws(case)
@@ -96,7 +97,7 @@ def _unfitted(case: Case) -> Fitted:
     return Fitted((), parameters, np.zeros(0), np.zeros((0, len(parameters))))
 
 
-def _rewhitened(case: Case, fitted: Fitted, carried: tuple[Array, ...]) -> tuple[Case, Fitted]:
+def _rewhitened(case: Case, fitted: Fitted, carried: Carried) -> tuple[Case, Fitted]:
     """The case seen through the noise that this hypothesis leaves, and the hypothesis fitted again."""
     case = case.whitened_by(noise_of(case, fitted, carried))
     return case, fit_hypothesis(case, fitted.added, near=fitted)
@@ -107,17 +108,17 @@ def _left(case: Case, fitted: Fitted) -> float:
     return float(len(fitted.residual)) if case.pieces else fitted.chi2
 
 
-def _is_loud(case: Case, fitted: Fitted, carried: tuple[Array, ...]) -> bool:
+def _is_loud(case: Case, fitted: Fitted, carried: Carried) -> bool:
     """Whether some exit's residual is far above the noise that its own differences and its inputs' noise show.
 
     What the loop does with its own noise goes with no outside signal. Where that is most of what an exit does, the
     filters of a hypothesis that is far from the truth take the truth for noise.
     """
-    outputs = case.outputs(fitted.added, fitted.values)
+    outputs, sent = case.outputs(fitted.added, fitted.values), carried.through(case, fitted)
     for j, exit in enumerate(case.exits):
         left = np.concatenate([m[:, j] - y[:, j] for m, y in zip(case.measured, outputs, strict=True)])
         own = max(column_noise(r[exit], exit in r.held) for r in case.records)
-        floor = np.hypot(own, float(np.std(carried[j])) if len(carried[j]) else 0.0)
+        floor = np.hypot(own, float(np.std(sent[j])))
         spread = max(float(np.std(m[:, j])) for m in case.measured)
         if exit not in case.records[0].held and left.std() > LOUD * max(floor, EXACT * spread):
             return True
@@ -125,7 +126,7 @@ def _is_loud(case: Case, fitted: Fitted, carried: tuple[Array, ...]) -> bool:
 
 
 def _step(
-    case: Case, fitted: Fitted, carried: tuple[Array, ...], deadline: float
+    case: Case, fitted: Fitted, carried: Carried, deadline: float
 ) -> tuple[Fitted | None, list[Fitted], Case]:
     """The hypothesis with the best effect more, its rivals, and the case seen through the noise that it leaves."""
     rough, base = case, fitted
@@ -235,17 +236,18 @@ def judged(case: Case, fitted: Fitted) -> HeldOut:
     return held_out(fitted, case.rows)
 
 
-def _worthwhile(case: Case, before: Fitted, after: Fitted, carried: tuple[Array, ...]) -> bool:
+def _worthwhile(case: Case, before: Fitted, after: Fitted, carried: Carried) -> bool:
     """Whether an effect more pays on held-out data, is not lost in the noise, and is longer than rows can tell."""
     if any(after.added[-1].values.get(name, np.inf) < SHORTEST * case.step for name in ("delay", "time_constant")):
         return False
-    gain, _ = judged(case, after).better_than(judged(case, before))
-    if gain < NAMED + PENALTY * (after.size - before.size - 1):
+    now, then = judged(case, after), judged(case, before)
+    gain, _ = now.better_than(then)
+    if gain < max(NAMED + PENALTY * (after.size - before.size - 1), LUCK * now.row_by_row(then)):
         return False
     return matters(case, before, after, carried)
 
 
-def matters(case: Case, before: Fitted, after: Fitted, carried: tuple[Array, ...]) -> bool:
+def matters(case: Case, before: Fitted, after: Fitted, carried: Carried) -> bool:
     """Whether the last effect contributes more than a part of the noise, in all or in some band."""
     log = 0
     kept = case.outputs(after.added, after.values)[log]
@@ -254,12 +256,11 @@ def matters(case: Case, before: Fitted, after: Fitted, carried: tuple[Array, ...
     lost = case.outputs(after.added[:-1], values)[log] if len(values) == len(
         case.parameters(after.added[:-1])
     ) else case.outputs(before.added, before.values)[log]  # fmt: skip
-    none = np.zeros((len(kept), 0))
+    none, sent = np.zeros((len(kept), 0)), carried.through(case, after)
     for j in range(len(case.exits)):
         change = kept[:, j] - lost[:, j]
         noise = case.whitening[j]
-        frequency, sent = incoherent_spectrum(carried[j], none)
-        density = np.maximum(noise.density, np.interp(noise.frequency, frequency, sent))
+        density = np.maximum(noise.density, np.interp(noise.frequency, *incoherent_spectrum(sent[j], none)))
         rms = float(np.sqrt(np.mean(density[1:])))
         if float(np.sqrt(np.mean(change**2))) > PART_OF_NOISE * rms:
             return True
@@ -270,7 +271,7 @@ def matters(case: Case, before: Fitted, after: Fitted, carried: tuple[Array, ...
 
 
 def _swapped(
-    case: Case, fitted: Fitted, rivals: list[list[Fitted]], carried: tuple[Array, ...], deadline: float
+    case: Case, fitted: Fitted, rivals: list[list[Fitted]], carried: Carried, deadline: float
 ) -> tuple[Case, Fitted, list[list[Fitted]]]:
     """Every effect taken out in turn and everything tried in its place; what fits better stays."""
     for place in range(len(fitted.added) - 1):  # what stands in the last one's place was tried when it was added
@@ -295,7 +296,7 @@ def _swapped(
 
 
 def _pruned(
-    case: Case, fitted: Fitted, rivals: list[list[Fitted]], carried: tuple[Array, ...]
+    case: Case, fitted: Fitted, rivals: list[list[Fitted]], carried: Carried
 ) -> tuple[Case, Fitted, list[list[Fitted]]]:
     """Effects that are no longer worth their values are taken out again."""
     place = 0

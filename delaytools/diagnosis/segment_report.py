@@ -37,6 +37,7 @@ ALIKE = 12.0  # χ² (values paid for) within which two effects explain the logs
 LEFT = 0.06  # power of structure left, of the noise: a quarter of its rms
 IN_A_BAND = 1.25  # the same in one octave
 CHANCE = 1e-8
+LARGEST, FEW_ODD = 6.0, 0.005  # of a whitened residual's rows: beyond what noise does; and their share
 
 
 @final
@@ -190,7 +191,7 @@ def _unexplained(case: Case, fitted: Fitted) -> tuple[Unexplained, ...]:
     found = []
     for j, exit in enumerate(case.exits):
         residual = left[0][:, j]
-        white = case.whitening[j].apply(residual)
+        white = _without_odd_rows(case.whitening[j].apply(residual))
         inputs = features(case, outputs, 0)
         bands = structured_bands(white, inputs)
         bad = [b for b in bands if b.share > IN_A_BAND and b.probability < CHANCE]
@@ -199,6 +200,12 @@ def _unexplained(case: Case, fitted: Fitted) -> tuple[Unexplained, ...]:
             bad = [b for b in bands if b.probability < CHANCE]
             found.append(replace(_left(case, exit, bad, (white, inputs)), hint=hint(case, fitted, j)))
     return tuple(found)
+
+
+def _without_odd_rows(white: Array) -> Array:
+    """A whitened residual with its largest rows cut, where these are few: a row rounded the other way is no structure."""
+    odd = np.abs(white) > LARGEST
+    return np.clip(white, -LARGEST, LARGEST) if odd.mean() < FEW_ODD else white
 
 
 def _left_over(case: Case, outputs: tuple[Array, ...]) -> tuple[Array, ...]:

@@ -27,6 +27,7 @@ EXCESS = 1.05  # of the noise: a residual below it is not worth a search for qua
 FINEST = 1e-7  # of a step: how well it is to be known
 AROUND = 0.03  # of the best step: where a better one may lie
 TRIED, TRIED_SLOWLY = 12, 4  # steps whose change is sent through the segment, by convolution and by runs
+COARSE, SIZES = (0.05, 2.0), 25  # of the signal's spread: steps so large that their pattern needs no fine grid
 MOST_STEPS = 900  # of a quantiser that are tried at a port
 
 
@@ -58,15 +59,18 @@ def _best_step(base: Base, spot: Spot, signals: tuple[Array, ...]) -> Screened |
     size = _size_by_power(base, way) if shown is None else float(np.sqrt(12) * left[:, shown].std())
     if not 0 < size < np.inf:
         return None
-    steps = _steps(spread, 0.25 * size, (3.0 if shown is None else 1.3) * size, MOST_STEPS)
+    steps = _steps(spread, 0.25 * size, max((3.0 if shown is None else 1.3) * size, COARSE[1] * spread), MOST_STEPS)
     weights = way.weights(base.residual)
     promised = np.array([_promised(step, way, signals, weights) for step in steps])
     first = np.argsort(promised)[::-1][: TRIED if way.is_quick else TRIED_SLOWLY]
-    gains = {int(k): _gain(base, spot.kind, str(spot.port), steps[k]) for k in first if promised[k] > 0}
-    top = max(gains, key=gains.__getitem__, default=-1)
-    if top < 0 or gains[top] <= 0:
+    tried = {float(steps[k]) for k in first if promised[k] > 0}
+    if way.is_quick and shown is None:
+        tried |= {float(step) for step in np.geomspace(*COARSE, SIZES) * spread}
+    gains = {step: _gain(base, spot.kind, str(spot.port), step) for step in tried}
+    top = max(gains, key=gains.__getitem__, default=0.0)
+    if gains.get(top, 0.0) <= 0:
         return None
-    return _finer(base, spot.kind, str(spot.port), (steps[top], AROUND * steps[top]), slowly=not way.is_quick)
+    return _finer(base, spot.kind, str(spot.port), (top, AROUND * top), slowly=not way.is_quick)
 
 
 def _finer(
