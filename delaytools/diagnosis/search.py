@@ -18,7 +18,7 @@ from delaytools.diagnosis.pairs import pairs
 from delaytools.diagnosis.proposals import PENALTY, proposals, sharpened_again
 from delaytools.diagnosis.screen import base_of
 from delaytools.diagnosis.stepwise import with_draws
-from delaytools.diagnosis.upgrades import richer
+from delaytools.diagnosis.upgrades import plainer, richer
 from delaytools.signals.trouble import DelaytoolsError
 
 __all__ = ["Finding", "search"]
@@ -146,7 +146,9 @@ def _step(
     if len(base.added) + 2 <= MOST:
         two = pairs(base_of(rough, base), found, least=base.chi2 - tried[0].chi2)
         further += [((*base.added, *both), gain) for both, gain in two]
-    tried = sorted(_best_of_each([*tried, *_fits(rough, base, further, deadline)]), key=_cost)
+    tried = sorted([*tried, *_fits(rough, base, further, deadline)], key=_cost)
+    plain = [(added, np.inf) for one in tried[:NEAREST] if (added := plainer(one)) is not None]
+    tried = sorted(_best_of_each([*tried, *_fits(rough, base, plain, deadline)]), key=_cost)
     best = tried[0] = sharpened_again(rough, tried[0])
     seen = case.whitened_by(noise_of(case, best, carried))
     again = _again(seen, tried, best)

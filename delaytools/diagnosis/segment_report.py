@@ -203,7 +203,7 @@ def _unexplained(case: Case, fitted: Fitted) -> tuple[Unexplained, ...]:
 
 
 def _without_odd_rows(white: Array) -> Array:
-    """A whitened residual with its largest rows cut, where these are few: a row rounded the other way is no structure."""
+    """A whitened residual, its largest rows cut where these are few: a row rounded the other way is no structure."""
     odd = np.abs(white) > LARGEST
     return np.clip(white, -LARGEST, LARGEST) if odd.mean() < FEW_ODD else white
 

@@ -12,7 +12,7 @@ from delaytools.diagnosis.screen import Base, base_of, response_instead
 from delaytools.diagnosis.swings import with_swing
 from delaytools.loop.port import find_port
 
-__all__ = ["richer"]
+__all__ = ["plainer", "richer"]
 
 Array = NDArray[np.float64]
 LEAST_GAIN = 60.0
@@ -35,6 +35,16 @@ def richer(case: Case, fitted: Fitted, *, least: float) -> list[tuple[Added, ...
         if other is not None:
             found.append((*fitted.added[:place], *fitted.added[place + 1 :], other))
     return found
+
+
+def plainer(fitted: Fitted) -> tuple[Added, ...] | None:
+    """The hypothesis with every varying delay as a constant one; None where it has none."""
+    if all(one.kind != "variable_delay" for one in fitted.added):
+        return None
+    return tuple(
+        Added("delay", one.at, {"delay": one.values["mean"]}) if one.kind == "variable_delay" else one
+        for one in fitted.added
+    )
 
 
 def _breaking_away(base: Base, place: int, least: float) -> Added | None:

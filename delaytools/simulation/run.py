@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delaytools.loop.loop import Loop
+from delaytools.loop.network import Network
+from delaytools.signals.expression import NUMPY
 from delaytools.signals.stimulus import Column, Stimulus, Zero
 from delaytools.simulation.affine import affine_rows, is_affine, side_by_side
 from delaytools.simulation.anew import Anew, Reset, resets
@@ -82,8 +84,8 @@ def _points_met(compiled: Compiled) -> list[Array]:
     """Per argument of the rates (points, size): where a run without free values is at the beginnings of its calls,
     as it is and with each state in turn at rest: friction is stiffest there."""
     call, model, layout = compiled.call, compiled.model, compiled.model.layout
-    arguments = call.function.sx_in()
-    after = call.function(*arguments)[0]
+    arguments = call.function.mx_in()
+    after = call.function.call(arguments)[0]
     walk = ca.Function("walk", arguments, [after, after])
     first = np.asarray(initial_state(compiled, ())).ravel()
     states = mapped_rows(call, walk, first, (prepared_data(compiled), np.zeros(0)))
@@ -91,23 +93,36 @@ def _points_met(compiled: Compiled) -> list[Array]:
     x = states[:-1:every, : len(layout.states)]
     begun = np.arange(1, len(states))[::every]
     time = begun * call.rows * compiled.frame if call.copies else call.grid.start[begun * call.spans]
-    rows = run(compiled)[1][np.minimum((time / compiled.frame + 1e-6).astype(int), compiled.frames)]
+    table = run(compiled)[1][np.minimum((time / compiled.frame + 1e-6).astype(int), compiled.frames)]
+    rows = dict(zip(layout.signals, table.T, strict=True))
 
-    def shown(elements: Sequence[str]) -> Array:
-        ports = [(model.net.elements[name], "output") for name in elements]
-        return _columns(rows, layout.signals, [e.outputs[port] for e, port in ports])
+    def written(keys: Sequence[tuple[str, str]]) -> Array:
+        found = [_written(model.net, rows, key) for key in keys]
+        return np.stack(found, axis=1) if found else np.zeros((len(time), 0))
 
-    held = _columns(rows, layout.signals, [model.net.elements[name].outputs[port] for name, port in layout.held])
+    def only(names: Sequence[str]) -> Array:
+        return written([(name, model.net.elements[name].block.outputs[0]) for name in names])
+
     driven = [compiled.stimuli.get(name, Zero()).value(time) for name in layout.externals]
     external = np.stack(driven, axis=1) if driven else np.zeros((len(time), 0))
-    at = [x, held, shown(layout.transports), shown(layout.followers), external, time[:, None], 0 * time[:, None]]
+    apart = time[:, None]
+    at = [x, written(layout.held), only(layout.transports), only(layout.followers), external, apart, 0 * apart]
     resting = [np.where(np.arange(x.shape[1]) == k, 0.0, x) for k in range(x.shape[1])]
     return [np.concatenate([x, *resting]), *(np.tile(rows, (1 + x.shape[1], 1)) for rows in at[1:]),
             np.zeros((len(x) * (1 + x.shape[1]), 0))]  # fmt: skip
 
 
-def _columns(rows: Array, known: Sequence[str], names: Sequence[str]) -> Array:
-    return rows[:, [known.index(name) for name in names]]
+def _written(net: Network, rows: Mapping[str, Array], key: tuple[str, str]) -> Array:
+    """What a block writes at some rows; where that is a joint of no name, what enters the block."""
+    element = net.elements[key[0]]
+    signal = element.outputs[key[1]]
+    if signal in rows:
+        return rows[signal]
+    entering = element.inputs[element.block.inputs[0]]
+    known = {**net.loop.parameters, **rows}
+    if not all(name in known for name in entering.names):
+        return np.zeros(len(next(iter(rows.values()), ())))
+    return np.asarray(entering.evaluate(known, NUMPY), dtype=float)
 
 
 def _wakes(model: Physics, stimuli: Mapping[str, Stimulus], frame: float) -> bool:
