@@ -7,7 +7,7 @@ from delaytools.design.design import parse_design
 from delaytools.diagnosis.added import Added, with_added
 from delaytools.diagnosis.case import Case, prepared_case
 from delaytools.diagnosis.fitting import Fitted, fit_hypothesis
-from delaytools.diagnosis.noise_of import noise_of
+from delaytools.diagnosis.noise_of import Carried, noise_of
 from delaytools.loop.segments import segments
 from delaytools.signals.record import Record
 from delaytools.signals.stimulus import Stimulus
@@ -64,7 +64,7 @@ def planted(
     measured = record[exit] + noise * np.random.default_rng(3).standard_normal(len(record))
     log = Record(record.time, {"u": record["u"], exit: measured})
     case = prepared_case(segments(loop, {"u", exit})[0], (log,), (), frozenset())
-    return case.whitened_by(noise_of(case, _as_they_are(case, added), (np.zeros(len(log)),)))
+    return case.whitened_by(noise_of(case, _as_they_are(case, added), Carried({})))
 
 
 def _as_they_are(case: Case, added: tuple[Added, ...]) -> Fitted:

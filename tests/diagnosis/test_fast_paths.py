@@ -21,7 +21,7 @@ from delaytools.design.design import parse_design
 from delaytools.diagnosis.added import Added, with_added
 from delaytools.diagnosis.case import Case, prepared_case
 from delaytools.diagnosis.fitting import Fitted, fit_hypothesis
-from delaytools.diagnosis.noise_of import noise_of
+from delaytools.diagnosis.noise_of import Carried, noise_of
 from delaytools.diagnosis.places import spots
 from delaytools.diagnosis.screen import Base, base_of, response
 from delaytools.diagnosis.spectra import impulse
@@ -101,7 +101,7 @@ def held_bench(*there: Added) -> Base:
     record = simulate(with_added(loop, there), {"u": Column(time=time, values=rows, held=True)}, duration=2.0).record
     log = Record(time, {"u": rows, "x": record["x"][: len(time)]}, {}, frozenset({"u"}))
     case = prepared_case(segments(loop, {"u", "x"})[0], (log,), (), frozenset({"u"}))
-    case = case.whitened_by(noise_of(case, Fitted((), (), np.zeros(0), np.zeros((0, 0))), (np.zeros(len(time)),)))
+    case = case.whitened_by(noise_of(case, Fitted((), (), np.zeros(0), np.zeros((0, 0))), Carried({})))
     return base_of(case, fitted(case, *there))
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from delaytools.diagnosis.added import Added
 from delaytools.diagnosis.case import Case
 from delaytools.diagnosis.hint import hint
-from delaytools.diagnosis.noise_of import noise_of
+from delaytools.diagnosis.noise_of import Carried, noise_of
 from delaytools.signals.stimulus import Multisine
 from tests.diagnosis.small_cases import ACTUATOR, DRIVE, NOISE, fitted, planted
 
@@ -23,7 +23,7 @@ def plain(text: str = ACTUATOR, exit: str = "x", *added: Added) -> Case:
     """A case with effects that no hypothesis will hold."""
     case = planted(text, added, INPUT, exit=exit, seconds=10.0)
     null = fitted(case)
-    return case.whitened_by(noise_of(case, null, (np.zeros(len(case.records[0])),)))
+    return case.whitened_by(noise_of(case, null, Carried({})))
 
 
 def with_residual(case: Case, change: Callable[[Array, Array, Array], Array]) -> Case:
