@@ -36,9 +36,10 @@ class HeldOut:
             change
         ) > 1 else np.inf
 
-    def row_by_row(self, other: "HeldOut") -> float:
-        """Standard error over rows of the χ² by which this is better than another."""
-        return float(np.sqrt(np.sum((other.residual**2 - self.residual**2) ** 2)))
+    def luck_beside(self, other: "HeldOut") -> float:
+        """How far chance moves the χ² by which this is better than another: from the rows in which it is worse."""
+        change = other.residual**2 - self.residual**2
+        return float(np.sqrt(2 * np.sum(np.minimum(change, 0.0) ** 2)))
 
 
 def folds_of(rows: Rows) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:

@@ -244,7 +244,7 @@ def _worthwhile(case: Case, before: Fitted, after: Fitted, carried: Carried) -> 
         return False
     now, then = judged(case, after), judged(case, before)
     gain, _ = now.better_than(then)
-    if gain < max(NAMED + PENALTY * (after.size - before.size - 1), LUCK * now.row_by_row(then)):
+    if gain < max(NAMED + PENALTY * (after.size - before.size - 1), LUCK * now.luck_beside(then)):
         return False
     return matters(case, before, after, carried)
 

@@ -28,6 +28,9 @@ FINEST = 1e-7  # of a step: how well it is to be known
 AROUND = 0.03  # of the best step: where a better one may lie
 TRIED, TRIED_SLOWLY = 12, 4  # steps whose change is sent through the segment, by convolution and by runs
 COARSE, SIZES = (0.05, 2.0), 25  # of the signal's spread: steps so large that their pattern needs no fine grid
+NEAREST_STEPS, NEAREST_SHOWN = 0.003, 0.0004  # relative, between steps at a port inside, and at an exit itself
+FINE = 0.1  # of a signal's spread: the rounding of a finer step is white
+MOST_SHOWN = 6000
 MOST_STEPS = 900  # of a quantiser that are tried at a port
 
 
@@ -59,9 +62,16 @@ def _best_step(base: Base, spot: Spot, signals: tuple[Array, ...]) -> Screened |
     size = _size_by_power(base, way) if shown is None else float(np.sqrt(12) * left[:, shown].std())
     if not 0 < size < np.inf:
         return None
-    steps = _steps(spread, 0.25 * size, max((3.0 if shown is None else 1.3) * size, COARSE[1] * spread), MOST_STEPS)
+    nearest = NEAREST_STEPS if shown is None else NEAREST_SHOWN
+    high = max((3.0 if shown is None else 1.3) * size, COARSE[1] * spread)
+    steps = _steps((spread, nearest), 0.25 * size, high, MOST_STEPS if shown is None else MOST_SHOWN)
     weights = way.weights(base.residual)
-    promised = np.array([_promised(step, way, signals, weights) for step in steps])
+    white = sum(float(2 * gain.sum() - gain[0]) for gain in way.gains) / max(way.every, 1) / 12
+    promised = np.array([
+        _promised(step, way, signals, weights) if step > FINE * spread
+        else 2 * _along(step, way, signals, weights) - step**2 * white
+        for step in steps
+    ])  # fmt: skip
     first = np.argsort(promised)[::-1][: TRIED if way.is_quick else TRIED_SLOWLY]
     tried = {float(steps[k]) for k in first if promised[k] > 0}
     if way.is_quick and shown is None:
@@ -123,19 +133,25 @@ def _promised(step: float, way: Way, signals: tuple[Array, ...], weights: tuple[
     What its change sends to the exits counts both ways: a wrong step may go with a slow residual by chance, and then
     brings more power than it takes off.
     """
-    found = 0.0
-    for u, w, gain in zip(signals, weights, way.gains, strict=True):
-        change = way.read(step * np.floor(u / step + 0.5) - u)
-        power = np.abs(np.fft.rfft(change)) ** 2 * gain
-        found += 2 * float(change @ w) - float(2 * power.sum() - power[0]) / len(u)
+    found = 2 * _along(step, way, signals, weights)
+    for u, gain in zip(signals, way.gains, strict=True):
+        power = np.abs(np.fft.rfft(way.read(step * np.floor(u / step + 0.5) - u))) ** 2 * gain
+        found -= float(2 * power.sum() - power[0]) / len(u)
     return found
 
 
-def _steps(spread: float, low: float, high: float, most: int) -> Array:
-    """Steps as far apart as the rounding of a signal of this spread keeps its pattern."""
-    found = [low]
+def _along(step: float, way: Way, signals: tuple[Array, ...], weights: tuple[Array, ...]) -> float:
+    """How far a quantiser's change moves the exits along the residual."""
+    return sum(
+        float(way.read(step * np.floor(u / step + 0.5) - u) @ w) for u, w in zip(signals, weights, strict=True)
+    )
+
+
+def _steps(signal: tuple[float, float], low: float, high: float, most: int) -> Array:
+    """Steps as far apart as the rounding of a signal keeps its pattern; signal: its spread, and the nearest ratio."""
+    (spread, nearest), found = signal, [low]
     while found[-1] < high and len(found) < most:
-        found.append(found[-1] * (1 + np.clip(0.08 * found[-1] / spread, 0.003, 0.03)))
+        found.append(found[-1] * (1 + np.clip(0.08 * found[-1] / spread, nearest, 0.03)))
     return np.array(found)
 
 

@@ -10,10 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delaytools.blocks.block import Sampled, Transport
+from delaytools.blocks.quantizer import Quantizer
 from delaytools.blocks.rate_limiter import RateLimiter
-from delaytools.loop.loop import Loop
-from delaytools.loop.network import Key
-from delaytools.loop.values import with_numbers
+from delaytools.loop.loop import Element, Loop
+from delaytools.loop.network import Key, network
+from delaytools.loop.values import resolve, with_numbers
 from delaytools.signals.record import Record
 from delaytools.signals.stimulus import Column, Stimulus
 from delaytools.signals.trouble import AnalysisError
@@ -25,6 +26,7 @@ __all__ = ["Begin", "Replay", "driven_by"]
 
 Array = NDArray[np.float64]
 Begin = tuple[int, Mapping[Key, float]]  # row, and the states' values there
+JUMPING = 8  # steps per frame where a quantiser of a moving signal may jump anywhere between two rows
 SLEWING = 4  # steps per frame where a slew limit may end its ramp within one
 EVEN = 1e-3  # of the usual step: rows that lie nearer to an even grid are taken to lie on it
 KEPT = 8  # compiled steps kept at a time
@@ -81,8 +83,17 @@ class Replay:
         """The step of a run in s: the loop's frame, or the nearest shorter one that meets every row."""
         step = self._row_step
         frame = step / math.ceil(step / self.loop.frame - 1e-6) if step else self.loop.frame
+        if any(isinstance(e.block, Quantizer) and not self._is_held(e) for e in self.loop.elements):
+            return frame / JUMPING
         slewing = any(isinstance(element.block, RateLimiter) for element in self.loop.elements)
         return frame / SLEWING if slewing else frame
+
+    def _is_held(self, element: Element) -> bool:
+        """Whether what enters a block is constant between ticks or rows."""
+        held = network(resolve(self.loop)).held_signals
+        held |= {name for name, one in self.stimuli.items() if isinstance(one, Column) and one.held}
+        names = {name for x in element.inputs.values() for name in x.names}
+        return names - set(self.loop.parameters) <= held
 
     @cached_property
     def _row_step(self) -> float:
