@@ -233,15 +233,20 @@ class Case:
         chosen = [rows[(self.rows.log == log) & (self.rows.exit == j)] for j in range(len(self.exits))]
         return np.stack([f.apply(part[::-1])[::-1] for f, part in zip(self.whitening, chosen, strict=True)], axis=1)
 
-    def with_derivatives(self, added: tuple[Added, ...], values: tuple[float, ...]) -> tuple[Array, Array]:
-        """(rows,) whitened residual and (rows, free): its derivative by each free value."""
+    def with_derivatives(
+        self, added: tuple[Added, ...], values: tuple[float, ...], *, nearly: bool = False
+    ) -> tuple[Array, Array]:
+        """(rows,) whitened residual and (rows, free): its derivative by each free value.
+
+        nearly: with delays between those whose runs are kept.
+        """
         replays = self.replays(added)
-        slopes = [replay.run_with_derivatives(values) for replay in replays]
+        slopes = [r.run_between(values) if nearly else r.run_with_derivatives(values) for r in replays]
         if not self.pieces:
             return self.residual(tuple(y for y, _ in slopes)), -self.whitened(tuple(rows for _, rows in slopes))
         left, moved = [], []
-        for log, (replay, (_, rows)) in enumerate(zip(replays, slopes, strict=True)):
-            y, begun = self._begun(log, replay, values)
+        for log, (replay, (y, rows)) in enumerate(zip(replays, slopes, strict=True)):
+            _, begun = self._begun(log, replay, replay.on_grid(values) if nearly else values)
             both = begun.without(np.concatenate([(self.measured[log] - y)[:, :, None], rows], axis=2))
             left.append(both[:, :, 0])
             moved.append(both[:, :, 1:])

@@ -16,6 +16,7 @@ __all__ = ["STEPS", "TOLERANCE", "Fitted", "at_values", "fit_hypothesis"]
 
 Array = NDArray[np.float64]
 TOLERANCE = 1e-7
+ROUGH = 1e-5
 STEPS = 24  # evaluations of a fit
 
 
@@ -65,8 +66,10 @@ def fit_hypothesis(
 ) -> Fitted:
     """The hypothesis with its values where Σ residual² is least; `near` gives starts for tolerated values.
 
-    tolerance: of χ² and values, relative. evaluations: at most so many runs.
+    tolerance: of χ² and values, relative; where it is wide, delays are taken between those whose runs are kept.
+    evaluations: at most so many runs.
     """
+    nearly = tolerance >= ROUGH
     known = near.by_path if near else {}
     start = [
         Parameter(p.path, _inside(known[p.path].value, p), low=p.low, high=p.high)
@@ -83,12 +86,12 @@ def fit_hypothesis(
         if key not in memory:
             if len(memory) > 3:
                 memory.clear()
-            memory[key] = case.with_derivatives(added, key)
+            memory[key] = case.with_derivatives(added, key, nearly=nearly)
         return memory[key]
 
     def residual(x: Array) -> Array:
         key = tuple(x)
-        return memory[key][0] if key in memory else case.residual(case.outputs(added, key))
+        return both(x)[0] if nearly or key in memory else case.residual(case.outputs(added, key))
 
     found = estimate(
         residual, start, jacobian=lambda x: both(x)[1], coloured=False, tolerance=tolerance,

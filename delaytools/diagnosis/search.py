@@ -11,6 +11,7 @@ from delaytools.diagnosis.added import Added
 from delaytools.diagnosis.case import Case
 from delaytools.diagnosis.fitting import STEPS, TOLERANCE, Fitted, fit_hypothesis
 from delaytools.diagnosis.heldout import HeldOut, held_out
+from delaytools.diagnosis.joint_start import making_room
 from delaytools.diagnosis.lattices import quantisers_shown
 from delaytools.diagnosis.noise import incoherent_spectrum
 from delaytools.diagnosis.noise_of import EXACT, Carried, column_noise, noise_of
@@ -39,6 +40,7 @@ NEAR, FARTHEST = 0.3, 400.0  # of the best one's χ², and χ²: how much worse 
 NEAREST, WORTH_MORE = 3, 0.1  # hypotheses whose richer forms are tried, and what these must take off, of their χ²
 CLOSE = 60.0  # χ²: a hypothesis worse by more is not fitted to the end, since nothing would make it as good
 LOUD = 5.0  # times the least noise that there can be: a residual above it is the missing effect's for the most part
+FRICTIONS = ("coulomb_friction", "stribeck_friction", "load_dependent_friction")
 FAR = 0.3  # of a design's value: where a fit has moved one further, it may stand in for the effect that is missing
 
 
@@ -133,7 +135,7 @@ def _step(
     if case.pieces or _is_loud(case, fitted, carried):
         rough = case.roughly()
         base = _refit(rough, fitted) or fitted
-    found = proposals(rough, base)
+    found = sorted(proposals(rough, base), key=lambda one: not _rubs_beside(base, one.added))
     more = richer(rough, base, least=0.5 * max((one.gain for one in found), default=0.0))
     hypotheses = [*((added, np.inf) for added in more), *(((*base.added, one.added), one.gain) for one in found)]
     tried = _fits(rough, base, hypotheses, deadline)
@@ -153,6 +155,14 @@ def _step(
     seen = case.whitened_by(noise_of(case, best, carried))
     again = _again(seen, tried, best)
     return again[0], again[1:], seen
+
+
+def _rubs_beside(fitted: Fitted, one: Added) -> bool:
+    """Whether an effect is another friction where there is one: fitted alone, one takes the other's place.
+
+    What is then left promises little for the other, since the first must give way.
+    """
+    return one.kind in FRICTIONS and any(k.kind in FRICTIONS and k.at == one.at for k in fitted.added)
 
 
 def _again(case: Case, tried: list[Fitted], best: Fitted) -> list[Fitted]:
@@ -180,7 +190,7 @@ def _fits(
 
     known: χ² that something else is known to take off.
     """
-    starts = _starts(case, fitted)
+    starts, base = _starts(case, fitted), base_of(case, fitted)
     best = max((promised for _, promised in hypotheses), default=0.0)
     tried: list[Fitted] = []
     for place, (added, promised) in enumerate(hypotheses):
@@ -189,6 +199,9 @@ def _fits(
         found = max((fitted.chi2 - one.chi2 for one in tried), default=0.0)
         if place < ALWAYS or promised >= PROMISING * min(found, best):
             tried += [f for near in starts if (f := _attempt(case, added, near, FEW)) is not None]
+            room = making_room(base, added[-1]) if _rubs_beside(fitted, added[-1]) else None
+            if room is not None and (made := _attempt(case, *room, FEW)) is not None:
+                tried.append(made)
     found = max((fitted.chi2 - one.chi2 for one in tried), default=0.0)
     for place, one in enumerate(tried):
         if not one.is_settled and fitted.chi2 - one.chi2 >= HALF * max(found, known) and time.monotonic() < deadline:
