@@ -68,7 +68,7 @@ def _best_step(base: Base, spot: Spot, signals: tuple[Array, ...]) -> Screened |
     weights = way.weights(base.residual)
     white = sum(float(2 * gain.sum() - gain[0]) for gain in way.gains) / max(way.every, 1) / 12
     promised = np.array([
-        _promised(step, way, signals, weights) if step > FINE * spread
+        _promised(step, way, signals, weights) if shown is None or step > FINE * spread
         else 2 * _along(step, way, signals, weights) - step**2 * white
         for step in steps
     ])  # fmt: skip
@@ -202,7 +202,11 @@ def _drawn(case: Case, at: str, period: float) -> tuple[Case, float]:
         instants = np.arange(0, time[-1] + 1e-9, period) + 1e-3 * case.step
         rows = np.unique(np.searchsorted(time, instants, side="right") - 1)  # one where a gap hides several
         flags = np.full(len(record), KEPT)
-        flags = _decided(case, (one, nominal), (log, column, rows), flags)
+        exit = shown_as(case, find_port(case.segment.loop, at))
+        if exit is not None:
+            flags = _decided_at_once(case, (one, nominal), (log, column, rows), exit)
+        else:
+            flags = _decided(case, (one, nominal), (log, column, rows), flags)
         lost, ticks = lost + int(np.sum(flags[rows] == LOST)), ticks + len(rows)
         records.append(_carrying(record, column, flags))
     return replace(case, records=tuple(records), _replays={}), lost / max(ticks, 1)
@@ -211,6 +215,33 @@ def _drawn(case: Case, at: str, period: float) -> tuple[Case, float]:
 def _carrying(record: Record, column: str, flags: Array) -> Record:
     held = record.held | {column}
     return Record(record.time, {**record.columns, column: flags}, record.units, held, record.source)
+
+
+def _decided_at_once(
+    case: Case, model: tuple[Added, tuple[float, ...]], place: tuple[int, str, NDArray[np.int64]], exit: int
+) -> Array:
+    """The draws of one log where the port is measured: an update is lost where the old value stands instead of it.
+
+    All kept where some value is neither.
+    """
+    one, nominal = model
+    log, column, rows = place
+    measured = case.measured[log]
+    limit = 1e-4 * float(measured[:, exit].std()) + 1e-12
+    flags = np.full(len(measured), KEPT)
+
+    def wrong() -> NDArray[np.bool_]:
+        tried = replace(
+            case, records=(_carrying(case.records[log], column, flags),), measured=(measured,), _replays={}
+        )
+        return np.asarray(np.abs(tried.outputs((one,), nominal)[0][:, exit] - measured[:, exit]) > limit)
+
+    stale = np.abs(np.diff(measured[:, exit], prepend=np.nan)) <= limit
+    odd = rows[wrong()[rows]]
+    if not np.all(stale[odd]) or len(odd) > 0.5 * len(rows):
+        return flags
+    flags[odd] = LOST
+    return np.full(len(flags), KEPT) if np.any(wrong()) else flags
 
 
 def _decided(
