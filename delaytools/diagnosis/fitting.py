@@ -12,7 +12,7 @@ from delaytools.diagnosis.case import Case
 from delaytools.estimation.least_squares import estimate
 from delaytools.signals.parameter import Parameter
 
-__all__ = ["STEPS", "TOLERANCE", "Fitted", "at_values", "fit_hypothesis"]
+__all__ = ["STEPS", "TOLERANCE", "Fitted", "at_values", "fit_hypothesis", "placed"]
 
 Array = NDArray[np.float64]
 TOLERANCE = 1e-7
@@ -98,7 +98,7 @@ def fit_hypothesis(
         evaluations=evaluations,
     )  # fmt: skip
     whole, slopes = both(np.array([p.value for p in found.parameters]))
-    return Fitted(_placed(added, found.parameters), found.parameters, whole, slopes, found.success)
+    return Fitted(placed(added, found.parameters), found.parameters, whole, slopes, found.success)
 
 
 def at_values(case: Case, added: tuple[Added, ...], near: Fitted) -> Fitted:
@@ -116,7 +116,8 @@ def _inside(value: float, bounds: Parameter) -> float:
     return float(np.clip(value, bounds.low, bounds.high))
 
 
-def _placed(added: tuple[Added, ...], parameters: tuple[Parameter, ...]) -> tuple[Added, ...]:
+def placed(added: tuple[Added, ...], parameters: tuple[Parameter, ...]) -> tuple[Added, ...]:
+    """The effects with the values of these parameters, numbered in their order."""
     by_path = {p.path: p.value for p in parameters}
     return tuple(
         one.moved({name: by_path[f"effects.{1000 + k}.{name}"] for name in one.free})

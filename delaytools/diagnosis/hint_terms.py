@@ -11,8 +11,7 @@ from scipy.signal import fftconvolve
 from delaytools.diagnosis.added import Added, with_added
 from delaytools.diagnosis.case import Case
 from delaytools.diagnosis.fitting import Fitted
-from delaytools.diagnosis.noise import wiener_part
-from delaytools.diagnosis.noise_of import column_noise
+from delaytools.diagnosis.noise_of import without_noise
 from delaytools.loop.port import ports
 from delaytools.signals.stimulus import Column
 from delaytools.signals.trouble import DelaytoolsError
@@ -81,7 +80,8 @@ def ground(case: Case, fitted: Fitted, exit: int) -> Ground:
     models = case.outputs(fitted.added, fitted.values)
     logs = range(len(case.records))
     measured = [
-        np.stack([_clean(case, models[k][:, j], k, j) for j in range(len(case.exits))], axis=1) for k in logs
+        np.stack([without_noise(case.measured[k][:, j], models[k][:, j], name in case.records[k].held)
+                  for j, name in enumerate(case.exits)], axis=1) for k in logs
     ]
     shown = [_terms(case, models[k], k, exit) for k in logs]
     inside = [_terms(case, measured[k], k, exit) for k in logs]
@@ -132,13 +132,6 @@ def _moving(case: Case) -> list[str]:
         for n in case.segment.entries
         if n in record and n not in case.exits and float(np.ptp(record[n])) > 0
     ]
-
-
-def _clean(case: Case, model: Array, log: int, exit: int) -> Array:
-    """The exit as measured, without the noise that no model explains."""
-    measured = case.measured[log][:, exit]
-    noise = column_noise(measured, case.exits[exit] in case.records[log].held)
-    return model + wiener_part(measured - model, noise) if noise > 0 else measured
 
 
 def ways(case: Case, exit: int) -> tuple[Way, ...]:

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from delaytools.diagnosis.added import FIRST_NUMBER, Added
-from delaytools.diagnosis.fitting import Fitted
+from delaytools.diagnosis.added import Added
+from delaytools.diagnosis.fitting import Fitted, placed
 from delaytools.diagnosis.screen import Base, response
 
 __all__ = ["making_room"]
@@ -33,9 +33,5 @@ def making_room(base: Base, one: Added) -> tuple[tuple[Added, ...], Fitted] | No
     pairs = zip(parameters, fitted.parameters, strict=True)
     if not any(abs(new.value - old.value) > WORTHWHILE * abs(old.value) for new, old in pairs):
         return None
-    by_path = {p.path: p.value for p in parameters}
-    moved = tuple(
-        k.moved({name: by_path[f"effects.{FIRST_NUMBER + place}.{name}"] for name in k.free})
-        for place, k in enumerate(fitted.added)
-    )
+    moved = placed(fitted.added, parameters)
     return (*moved, one), replace(fitted, added=moved, parameters=parameters)

@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 
 from delaytools.diagnosis.case import Case
 from delaytools.diagnosis.fitting import Fitted
-from delaytools.diagnosis.noise import Whitening, incoherent_spectrum, whitening
+from delaytools.diagnosis.noise import Whitening, incoherent_spectrum, whitening, wiener_part
 from delaytools.estimation.noise_level import difference_noise
 from delaytools.signals.record import Record
 
-__all__ = ["EXACT", "Carried", "column_noise", "features", "noise_of"]
+__all__ = ["EXACT", "Carried", "column_noise", "features", "noise_of", "without_noise"]
 
 Array = NDArray[np.float64]
 RESOLVED = 3e-5  # of a signal's rms: differences below it are the simulation's or the log's rounding
@@ -139,3 +139,9 @@ def column_noise(values: Array, held: bool) -> float:
         return 0.0
     found = difference_noise(values)
     return found if found > EXACT * float(np.std(values)) else 0.0
+
+
+def without_noise(measured: Array, model: Array, held: bool) -> Array:
+    """(n,): a column as measured, without the noise that its model does not explain."""
+    noise = column_noise(measured, held)
+    return np.asarray(model + wiener_part(measured - model, noise)) if noise > 0 else measured

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from delaytools.blocks.block import Continuous
 from delaytools.diagnosis.added import Added, with_added
-from delaytools.diagnosis.noise import wiener_part
-from delaytools.diagnosis.noise_of import column_noise
+from delaytools.diagnosis.noise_of import without_noise
 from delaytools.diagnosis.views import View
 from delaytools.loop.loop import Element, Loop
 from delaytools.loop.network import Leaves, network
@@ -28,9 +27,7 @@ def as_measured(view: View, exit: str, log: int) -> Array:
     """(n,): an exit as measured, without the noise that no model explains."""
     case = view.case
     rows = case.measured[log][:, case.exits.index(exit)]
-    noise = column_noise(rows, exit in case.records[log].held)
-    model = view.signals[log][exit]
-    return np.asarray(model + wiener_part(rows - model, noise)) if noise > 0 else rows
+    return without_noise(rows, view.signals[log][exit], exit in case.records[log].held)
 
 
 def moves_as_measured(loop: Loop, exits: tuple[str, ...], port: Port) -> bool:

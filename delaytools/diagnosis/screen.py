@@ -20,7 +20,7 @@ from delaytools.diagnosis.wires import Way, change_at, own_way, way_of
 from delaytools.loop.port import find_port
 from delaytools.signals.trouble import DelaytoolsError
 
-__all__ = ["Base", "Screened", "base_of", "response", "response_instead", "screened"]
+__all__ = ["STRETCH", "Base", "Screened", "base_of", "response", "response_instead", "screened"]
 
 Array = NDArray[np.float64]
 STIFFEST = 10.0  # level over smoothing, in 1/row, beyond which friction is not resolved

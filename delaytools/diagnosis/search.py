@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from delaytools.diagnosis.added import Added
 from delaytools.diagnosis.case import Case
+from delaytools.diagnosis.driving import nominal
 from delaytools.diagnosis.fitting import STEPS, TOLERANCE, Fitted, fit_hypothesis
 from delaytools.diagnosis.heldout import HeldOut, held_out
 from delaytools.diagnosis.joint_start import making_room
@@ -64,8 +65,8 @@ class Finding:
 
 def search(case: Case, carried: Carried, *, deadline: float = np.inf) -> Finding:
     """The effects that the logs of a segment ask for; `carried`: what the inputs' noise sends to its exits."""
-    case = case.whitened_by(noise_of(case, _unfitted(case), carried))
-    if case.residual(case.outputs((), _unfitted(case).values)).std() > 1e-2:
+    case = case.whitened_by(noise_of(case, nominal(case), carried))
+    if case.residual(case.outputs((), nominal(case).values)).std() > 1e-2:
         case = with_draws(case)
     null = fit_hypothesis(case, ())
     case, null = _rewhitened(case, null, carried)
@@ -92,11 +93,6 @@ def search(case: Case, carried: Carried, *, deadline: float = np.inf) -> Finding
     null = fit_hypothesis(case, (), near=null)
     exhausted = time.monotonic() >= deadline
     return Finding(case, null, fitted, tuple(steps), tuple(tuple(r) for r in rivals), tuple(small), exhausted)
-
-
-def _unfitted(case: Case) -> Fitted:
-    parameters = case.parameters(())
-    return Fitted((), parameters, np.zeros(0), np.zeros((0, len(parameters))))
 
 
 def _rewhitened(case: Case, fitted: Fitted, carried: Carried) -> tuple[Case, Fitted]:
@@ -190,7 +186,7 @@ def _fits(
 
     known: χ² that something else is known to take off.
     """
-    starts, base = _starts(case, fitted), base_of(case, fitted)
+    starts = _starts(case, fitted)
     best = max((promised for _, promised in hypotheses), default=0.0)
     tried: list[Fitted] = []
     for place, (added, promised) in enumerate(hypotheses):
@@ -199,7 +195,7 @@ def _fits(
         found = max((fitted.chi2 - one.chi2 for one in tried), default=0.0)
         if place < ALWAYS or promised >= PROMISING * min(found, best):
             tried += [f for near in starts if (f := _attempt(case, added, near, FEW)) is not None]
-            room = making_room(base, added[-1]) if _rubs_beside(fitted, added[-1]) else None
+            room = making_room(base_of(case, fitted), added[-1]) if _rubs_beside(fitted, added[-1]) else None
             if room is not None and (made := _attempt(case, *room, FEW)) is not None:
                 tried.append(made)
     found = max((fitted.chi2 - one.chi2 for one in tried), default=0.0)

@@ -66,10 +66,9 @@ def _best_step(base: Base, spot: Spot, signals: tuple[Array, ...]) -> Screened |
     high = max((3.0 if shown is None else 1.3) * size, COARSE[1] * spread)
     steps = _steps((spread, nearest), 0.25 * size, high, MOST_STEPS if shown is None else MOST_SHOWN)
     weights = way.weights(base.residual)
-    white = sum(float(2 * gain.sum() - gain[0]) for gain in way.gains) / max(way.every, 1) / 12
     promised = np.array([
         _promised(step, way, signals, weights) if shown is None or step > FINE * spread
-        else 2 * _along(step, way, signals, weights) - step**2 * white
+        else 2 * _along(step, way, signals, weights) - step**2 / 12 * way.white_power
         for step in steps
     ])  # fmt: skip
     first = np.argsort(promised)[::-1][: TRIED if way.is_quick else TRIED_SLOWLY]
@@ -114,8 +113,8 @@ def with_step_fitted(base: Base, one: Added) -> Screened:
 
 def _size_by_power(base: Base, way: Way) -> float:
     """The step whose rounding, white and of variance step²/12, would bring the power of the residual to the exits."""
-    brought = sum(float(2 * gain.sum() - gain[0]) for gain in way.gains) / max(way.every, 1)
-    return float(np.sqrt(12 * (base.residual @ base.residual) / brought)) if brought > 0 else 0.0
+    power = float(base.residual @ base.residual)
+    return float(np.sqrt(12 * power / way.white_power)) if way.white_power > 0 else 0.0
 
 
 def _above_noise(case: Case, left: Array) -> bool:
@@ -217,6 +216,16 @@ def _carrying(record: Record, column: str, flags: Array) -> Record:
     return Record(record.time, {**record.columns, column: flags}, record.units, held, record.source)
 
 
+def _with_draws_of(
+    case: Case, model: tuple[Added, tuple[float, ...]], place: tuple[int, str], flags: Array
+) -> Array:
+    """(n, exits): one log as the model gives it with these draws."""
+    (one, nominal), (log, column) = model, place
+    record = _carrying(case.records[log], column, flags)
+    tried = replace(case, records=(record,), measured=(case.measured[log],), _replays={})
+    return tried.outputs((one,), nominal)[0]
+
+
 def _decided_at_once(
     case: Case, model: tuple[Added, tuple[float, ...]], place: tuple[int, str, NDArray[np.int64]], exit: int
 ) -> Array:
@@ -224,17 +233,14 @@ def _decided_at_once(
 
     All kept where some value is neither.
     """
-    one, nominal = model
     log, column, rows = place
     measured = case.measured[log]
     limit = 1e-4 * float(measured[:, exit].std()) + 1e-12
     flags = np.full(len(measured), KEPT)
 
     def wrong() -> NDArray[np.bool_]:
-        tried = replace(
-            case, records=(_carrying(case.records[log], column, flags),), measured=(measured,), _replays={}
-        )
-        return np.asarray(np.abs(tried.outputs((one,), nominal)[0][:, exit] - measured[:, exit]) > limit)
+        outputs = _with_draws_of(case, model, (log, column), flags)
+        return np.asarray(np.abs(outputs[:, exit] - measured[:, exit]) > limit)
 
     stale = np.abs(np.diff(measured[:, exit], prepend=np.nan)) <= limit
     odd = rows[wrong()[rows]]
@@ -251,16 +257,12 @@ def _decided(
     flags: Array,
 ) -> Array:
     """The draws of one log, update by update: where model and log part, the update is taken to be lost."""
-    one, nominal = model
     log, column, rows = place
     measured = case.measured[log]
     limit = 1e-4 * measured.std(axis=0) + 1e-12
     first_wrong = -1
     for _ in range(RUNS):
-        tried = replace(
-            case, records=(_carrying(case.records[log], column, flags),), measured=(measured,), _replays={}
-        )
-        outputs = tried.outputs((one,), nominal)[0]
+        outputs = _with_draws_of(case, model, (log, column), flags)
         wrong = np.flatnonzero(np.any(np.abs(outputs - measured) > limit, axis=1))
         if not len(wrong):
             return flags

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from delaytools.diagnosis.added import Added
 from delaytools.diagnosis.places import Spot
-from delaytools.diagnosis.screen import Base, Screened, response
+from delaytools.diagnosis.screen import STRETCH, Base, Screened, response
 from delaytools.diagnosis.spectra import highest_lines
 from delaytools.diagnosis.wires import Way, change_at, own_way
 from delaytools.loop.port import Port
@@ -21,7 +21,6 @@ SLOWEST, FASTEST = 0.25, 10.0  # turns in the log, and Hz
 PADDING = 4
 LINES = 2  # highest lines tried at a port and a shift
 LEAST = 100.0  # χ² that a swing must take off beyond what the mean delay does
-STRETCH = (0.4, 2.5)
 
 
 def swings(base: Base, spots: Sequence[Spot]) -> list[Screened]:

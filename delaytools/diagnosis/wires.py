@@ -116,6 +116,11 @@ class Way:
             found.append(np.asarray((through * np.stack(filters, axis=1)).sum(axis=1)))
         return tuple(found)
 
+    @cached_property
+    def white_power(self) -> float:
+        """χ² that a white change of variance 1 where it is read brings to the exits."""
+        return sum(float(2 * gain.sum() - gain[0]) for gain in self.gains) / max(self.every, 1)
+
     def moved(self, changes: tuple[Array, ...]) -> tuple[Array, ...]:
         """By convolution where that is the same, else by the simulation."""
         found = self.convolved(changes)

@@ -170,10 +170,9 @@ class Replay:
         cell = (self._row_step or self.frame) / CELLS
         left = math.floor(values[index] / cell)
         part = values[index] / cell - left
-        ends = []
+        rest, ends = [k for k in range(len(values)) if k != index], []
         for place in (left, left + 1):
             fixed = (*values[:index], place * cell, *values[index + 1 :])
-            rest = [k for k in range(len(values)) if k != index]
             replay = self._without_grid(fixed, [index], rest)
             ends.append(replay.run_with_derivatives(tuple(fixed[k] for k in rest)))
         (before, slopes_before), (after, slopes_after) = ends
