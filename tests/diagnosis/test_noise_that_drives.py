@@ -1,16 +1,18 @@
-"""Noise on what drives a segment: read by a computer or not, late or not; and how far chance goes."""
+"""What a search begins from: whether noise drives a segment, forces along what was measured, how far chance goes."""
 
 import numpy as np
 import pytest
 
 from delaytools.design.build import build
 from delaytools.design.design import parse_design
+from delaytools.diagnosis.added import Added
 from delaytools.diagnosis.diagnose import Effort, diagnose
 from delaytools.diagnosis.heldout import HeldOut
+from delaytools.diagnosis.screen import base_of
 from delaytools.signals.record import Record
 from delaytools.signals.stimulus import Multisine
 from delaytools.simulation.simulate import simulate
-from tests.diagnosis.test_what_hides import CARRIAGE, PUSH, found, named
+from tests.diagnosis.small_cases import DRIVE, fitted, planted
 
 READER = """
 frame = "1 ms"
@@ -49,11 +51,19 @@ def test_a_computer_reads_the_noise_as_well_some_rows_late(late: int) -> None:
         assert one.parameters["delay"].value == pytest.approx(late * 1e-3, abs=2e-6)
 
 
-def test_a_force_on_a_drive_that_is_far_from_its_log_is_seen_along_the_measured_motion() -> None:
-    table = {"type": "quadratic_drag", "at": "drive.w'", "coefficient": -0.4}
-    answer = found(CARRIAGE, (table,), {"r": PUSH}, {"x": 0.01, "v": 0.1})
-    assert list(named(answer)) == ["quadratic_drag"]
-    assert named(answer)["quadratic_drag"]["coefficient"] == pytest.approx(-0.4, rel=0.02)
+def test_a_force_along_the_measured_motion_is_all_that_is_missing_however_far_the_model_is() -> None:
+    drag = Added("quadratic_drag", "drive.v'", {"coefficient": -20.0})
+    wave = Multisine(amplitude=40.0, from_frequency=0.2, to_frequency=2.0, lines=12)
+    case = planted(DRIVE, (drag,), wave, exit="v", noise=0.0)
+    base = base_of(case, fitted(case))
+    missing = case.measured[0] - base.outputs[0]
+    moved = base.moved_by(drag)
+    own_motion = case.outputs((drag,), (-20.0,))[0] - base.outputs[0]
+    assert float(np.std(missing)) > 0.3 * float(np.std(case.measured[0]))
+    assert moved is not None and np.abs(moved[0] - missing).max() < 1e-3 * np.abs(missing).max()
+    assert np.allclose(own_motion, missing, atol=1e-3 * float(np.abs(missing).max()))
+    half = base.moved_by(drag.moved({"coefficient": -10.0}))
+    assert half is not None and np.allclose(2 * half[0], moved[0])
 
 
 def test_luck_is_what_the_rows_that_get_worse_say() -> None:
