@@ -20,7 +20,7 @@ LATENESS = (0.5, 2.0, 8.0, 30.0)  # rows by which the signal is shifted to take 
 SLOWEST, FASTEST = 0.25, 10.0  # turns in the log, and Hz
 PADDING = 4
 LINES = 2  # highest lines tried at a port and a shift
-LEAST = 100.0  # χ² that a swing must take off beyond what the mean delay does
+LEAST, PART = 100.0, 0.3  # χ² that a swing must take off beyond the mean delay, and of what that leaves
 
 
 def swings(base: Base, spots: Sequence[Spot]) -> list[Screened]:
@@ -35,7 +35,7 @@ def swings(base: Base, spots: Sequence[Spot]) -> list[Screened]:
 
 def _best(base: Base, way: Way, port: Port) -> Screened | None:
     """The mean and the swing that take most off together, where the swing is worth it beside the mean."""
-    step, weights = base.case.step, way.weights(base.residual)
+    step = base.case.step
     best: tuple[float, Added] | None = None
     for rows in LATENESS:
         late = Added("delay", str(port), {"delay": rows * step})
@@ -44,8 +44,14 @@ def _best(base: Base, way: Way, port: Port) -> Screened | None:
         if changes is None:
             continue
         slopes = tuple(change / (rows * step) for change in changes)
-        for frequency in _frequencies(way, weights, slopes, step):
-            gain, values = _fitted(base, way, slopes, frequency)
+        moved = way.convolved(slopes)
+        if moved is None:
+            return None
+        mean = base.projected(base.case.whitened(moved))
+        power = float(mean @ mean)
+        left = base.residual - mean * (float(mean @ base.residual) / power if power > 0 else 0.0)
+        for frequency in _frequencies(way, way.weights(left), slopes, step):
+            gain, values = _fitted(base, way, (mean, left), slopes, frequency)
             if values is not None and (best is None or gain > best[0]):
                 best = gain, with_swing(str(port), values)
     if best is None:
@@ -84,16 +90,17 @@ def _frequencies(way: Way, weights: tuple[Array, ...], slopes: tuple[Array, ...]
 
 
 def _fitted(
-    base: Base, way: Way, slopes: tuple[Array, ...], frequency: float
+    base: Base, way: Way, seen: tuple[Array, Array], slopes: tuple[Array, ...], frequency: float
 ) -> tuple[float, dict[str, float] | None]:
-    """χ² that mean and swing take off together, and their values; None where the mean alone does as well."""
-    columns = []
-    for shape in (None, np.sin, np.cos):
-        changes = []
-        for record, slope in zip(base.case.records, slopes, strict=True):
-            turn = 2 * math.pi * frequency * (record.time - record.time[0])
-            changes.append(slope if shape is None else slope * shape(turn))
-        moved = way.convolved(tuple(changes))
+    """χ² that mean and swing take off together, and their values; None where the mean alone does nearly as well.
+
+    seen: what the mean does, projected, and the residual that it leaves.
+    """
+    mean, left = seen
+    columns = [mean]
+    for shape in (np.sin, np.cos):
+        turns = (2 * math.pi * frequency * (r.time - r.time[0]) for r in base.case.records)
+        moved = way.convolved(tuple(slope * shape(turn) for slope, turn in zip(slopes, turns, strict=True)))
         if moved is None:
             return 0.0, None
         columns.append(base.projected(base.case.whitened(moved)))
@@ -102,11 +109,10 @@ def _fitted(
     if not np.isfinite(square).all() or not np.isfinite(right).all():
         return 0.0, None
     weights = np.linalg.lstsq(square, right, rcond=1e-9)[0]
-    gain = float(weights @ right)
-    alone = float(right[0] ** 2 / square[0, 0]) if square[0, 0] > 0 else 0.0
+    gain, rest = float(weights @ right), float(left @ left)
+    alone = float(base.residual @ base.residual) - rest
     swing = float(np.hypot(weights[1], weights[2]))
-    if gain - alone < LEAST or swing <= 0:
+    if gain - alone < max(LEAST, PART * rest) or swing <= 0:
         return gain, None
     phase = float(np.arctan2(weights[2], weights[1]))
-    mean = max(float(weights[0]), swing)
-    return gain, {"mean": mean, "amplitude": swing, "frequency": frequency, "phase": phase}
+    return gain, {"mean": max(float(weights[0]), swing), "amplitude": swing, "frequency": frequency, "phase": phase}
