@@ -1,5 +1,6 @@
 """One segment and the logs that drive it: measured exits against the model under a hypothesis, whitened."""
 
+import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -55,7 +56,8 @@ class Case:
     to the exits. lost: port of a sampled output -> share of its updates that the logs show to be lost. outside:
     columns that no block of the loop writes. pieces: per log, (first, last + 1) of the rows that count; the states
     begin anew with each (() = all rows, from the design's own beginning). numbers: per log, values by path that its
-    run had (() = the design's). substeps: of a frame.
+    run had (() = the design's). substeps: of a frame. finer: how many times finer than usual its
+    runs' steps are. deadline: monotonic clock, s; a fit that passes it ends where it stands.
     """
 
     segment: Segment
@@ -71,6 +73,8 @@ class Case:
     pieces: tuple[tuple[tuple[int, int], ...], ...] = ()
     numbers: tuple[Mapping[str, float], ...] = ()
     substeps: int | None = None
+    finer: int = 1
+    deadline: float = np.inf
     _replays: dict[Any, tuple[Replay, ...]] = field(default_factory=dict, repr=False)
     _begun_last: dict[int, Begun] = field(default_factory=dict, repr=False)
 
@@ -100,6 +104,11 @@ class Case:
         """Length of the longest log, s."""
         return max(float(r.time[-1] - r.time[0]) for r in self.records)
 
+    @property
+    def is_late(self) -> bool:
+        """Whether the deadline has passed."""
+        return time.monotonic() >= self.deadline
+
     def parameters(self, added: tuple[Added, ...]) -> tuple[Parameter, ...]:
         """Everything that a fit of this hypothesis moves: what is tolerated, then the effects' values."""
         loop = self.segment.loop
@@ -125,7 +134,7 @@ class Case:
         if self.numbers:
             loop = with_numbers(loop, {path: v for path, v in self.numbers[log].items() if path not in free})
         driven, time = self._stimuli(record, loop.externals), record.time - record.time[0]
-        return Replay(loop, driven, time, self.exits, free, self._begins[log], self.substeps)
+        return Replay(loop, driven, time, self.exits, free, self._begins[log], self.substeps, self.finer)
 
     @cached_property
     def _begins(self) -> tuple[tuple[Begin, ...], ...]:

@@ -9,10 +9,11 @@ from numpy.typing import NDArray
 
 from delaytools.diagnosis.added import Added
 from delaytools.diagnosis.case import Case
+from delaytools.diagnosis.noise import odd_rows, without_odd_rows
 from delaytools.estimation.least_squares import estimate
 from delaytools.signals.parameter import Parameter
 
-__all__ = ["STEPS", "TOLERANCE", "Fitted", "at_values", "fit_hypothesis", "placed"]
+__all__ = ["STEPS", "TOLERANCE", "Fitted", "at_values", "fit_hypothesis", "jumps", "placed"]
 
 Array = NDArray[np.float64]
 TOLERANCE = 1e-7
@@ -67,7 +68,8 @@ def fit_hypothesis(
     """The hypothesis with its values where Σ residual² is least; `near` gives starts for tolerated values.
 
     tolerance: of χ² and values, relative; where it is wide, delays are taken between those whose runs are kept.
-    evaluations: at most so many runs.
+    evaluations: at most so many runs; after the case's deadline, those of one step, or none where `near`
+    is the same hypothesis.
     """
     nearly = tolerance >= ROUGH
     known = near.by_path if near else {}
@@ -77,6 +79,8 @@ def fit_hypothesis(
         else p
         for p in case.parameters(added)
     ]
+    if case.is_late and near is not None and near.added == added and len(near.parameters) == len(start):
+        return replace(at_values(case, added, near), is_settled=False)
     if not start:
         return at_values(case, added, Fitted(added, (), np.zeros(0), np.zeros((0, 0))))
     memory: dict[tuple[float, ...], tuple[Array, Array]] = {}
@@ -86,16 +90,19 @@ def fit_hypothesis(
         if key not in memory:
             if len(memory) > 3:
                 memory.clear()
-            memory[key] = case.with_derivatives(added, key, nearly=nearly)
+            memory[key] = _evaluated(case, added, key, nearly)
         return memory[key]
 
     def residual(x: Array) -> Array:
         key = tuple(x)
-        return both(x)[0] if nearly or key in memory else case.residual(case.outputs(added, key))
+        if nearly or key in memory:
+            return both(x)[0]
+        rows = case.residual(case.outputs(added, key))
+        return without_odd_rows(rows) if jumps(added) else rows
 
     found = estimate(
         residual, start, jacobian=lambda x: both(x)[1], coloured=False, tolerance=tolerance,
-        evaluations=evaluations,
+        evaluations=evaluations, enough=lambda: case.is_late,
     )  # fmt: skip
     whole, slopes = both(np.array([p.value for p in found.parameters]))
     return Fitted(placed(added, found.parameters), found.parameters, whole, slopes, found.success)
@@ -104,12 +111,27 @@ def fit_hypothesis(
 def at_values(case: Case, added: tuple[Added, ...], near: Fitted) -> Fitted:
     """The hypothesis at the values of another one that knows them all, nothing fitted."""
     known = near.by_path
-    parameters = tuple(replace(p, value=known[p.path].value) for p in case.parameters(added))
+    parameters = tuple(replace(p, value=known[p.path].value, std=known[p.path].std) for p in case.parameters(added))
     values = tuple(p.value for p in parameters)
     if not values:
         residual = case.residual(case.outputs(added, ()))
         return Fitted(added, (), residual, np.zeros((len(residual), 0)))
-    return Fitted(added, parameters, *case.with_derivatives(added, values))
+    return Fitted(added, parameters, *_evaluated(case, added, values))
+
+
+def jumps(added: tuple[Added, ...]) -> bool:
+    """Whether some effect makes a row jump as a whole, so that noise moves a few rows by far more than itself."""
+    return any(one.kind == "quantization" for one in added)
+
+
+def _evaluated(
+    case: Case, added: tuple[Added, ...], values: tuple[float, ...], nearly: bool = False
+) -> tuple[Array, Array]:
+    """Whitened residual and its derivatives; odd rows that a jump explains cut, and still."""
+    whole, slopes = case.with_derivatives(added, values, nearly=nearly)
+    if not jumps(added):
+        return whole, slopes
+    return without_odd_rows(whole), np.where(odd_rows(whole)[:, None], 0.0, slopes)
 
 
 def _inside(value: float, bounds: Parameter) -> float:

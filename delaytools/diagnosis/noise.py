@@ -12,14 +12,18 @@ from scipy.signal import lfilter
 __all__ = [
     "Whitening",
     "incoherent_spectrum",
+    "odd_rows",
     "whitening",
     "wiener_part",
     "windowed_spectra",
+    "without_odd_rows",
 ]
 
 Array = NDArray[np.float64]
 WINDOW = 1024  # rows of one piece of the averaged spectra
 ORDER = 12  # of the prediction-error filter
+MEDIAN = 0.6745  # of |x|, x normal with standard deviation 1
+LARGEST, FEW_ODD = 6.0, 0.005  # standard deviations beyond which no noise goes, and a share of rows that counts as few
 
 
 @final
@@ -116,3 +120,22 @@ def wiener_part(remainder: Array, noise: float | Whitening, *, clearly: float = 
     share = np.where(density > clearly * floor, 1 - floor / density, 0.0)
     full = np.fft.rfftfreq(len(remainder))
     return np.asarray(np.fft.irfft(np.fft.rfft(remainder) * np.interp(full, frequency, share), len(remainder)))
+
+
+def odd_rows(rows: Array) -> NDArray[np.bool_]:
+    """Rows of a residual (n,) that are larger than noise of its median size, where they are few; else none.
+
+    Behind a quantiser such a row was rounded the other way, by noise ahead of it: a whole step, and no structure.
+    """
+    odd = np.abs(rows) > LARGEST * _usual(rows)
+    return odd & (odd.mean() < FEW_ODD)
+
+
+def without_odd_rows(rows: Array) -> Array:
+    """A residual (n,), its odd rows cut to the largest that noise would be."""
+    return np.where(odd_rows(rows), LARGEST * _usual(rows) * np.sign(rows), rows)
+
+
+def _usual(rows: Array) -> float:
+    """The standard deviation of normal noise with the median size of these rows."""
+    return float(np.median(np.abs(rows))) / MEDIAN

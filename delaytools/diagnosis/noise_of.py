@@ -8,8 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delaytools.diagnosis.case import Case
-from delaytools.diagnosis.fitting import Fitted
-from delaytools.diagnosis.noise import Whitening, incoherent_spectrum, whitening, wiener_part
+from delaytools.diagnosis.fitting import Fitted, jumps
+from delaytools.diagnosis.noise import (
+    Whitening,
+    incoherent_spectrum,
+    whitening,
+    wiener_part,
+    without_odd_rows,
+)
 from delaytools.estimation.noise_level import difference_noise
 from delaytools.signals.record import Record
 
@@ -100,13 +106,17 @@ def _drawn(noise: float | Whitening, rows: int, generator: np.random.Generator) 
 def noise_of(case: Case, fitted: Fitted, carried: Carried) -> tuple[Whitening, ...]:
     """One filter per exit from the residual of a fitted hypothesis.
 
-    What is left of the inputs' noise when these were cleaned is taken to be there at least.
+    What is left of the inputs' noise when these were cleaned is taken to be there at least. Few rows that a quantiser
+    of the hypothesis rounds the other way are no noise.
     """
     outputs = case.outputs(fitted.added, fitted.values)
     sent = carried.through(case, fitted, share=CLEANED)
     found = []
     for j, exit in enumerate(case.exits):
-        spectra = [incoherent_spectrum(*pair) for pair in _series(case, outputs, j)]
+        series = _series(case, outputs, j)
+        if jumps(fitted.added):
+            series = [(without_odd_rows(rows), inputs) for rows, inputs in series]
+        spectra = [incoherent_spectrum(*pair) for pair in series]
         longest = max(range(len(spectra)), key=lambda k: len(spectra[k][0]))
         frequency = spectra[longest][0]
         density = np.mean([np.interp(frequency, f, d) for f, d in spectra], axis=0)

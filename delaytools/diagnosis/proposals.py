@@ -9,10 +9,11 @@ from delaytools.diagnosis.case import Case
 from delaytools.diagnosis.fitting import Fitted, at_values, fit_hypothesis
 from delaytools.diagnosis.own_candidates import own_candidates
 from delaytools.diagnosis.places import spots
+from delaytools.diagnosis.quantisers import quantisations, with_step_fitted
 from delaytools.diagnosis.screen import Base, Screened, base_of, response, screened
 from delaytools.diagnosis.spectra import interferences, modes
 from delaytools.diagnosis.starts import candidates
-from delaytools.diagnosis.stepwise import quantisations, with_period_fitted, with_step_fitted
+from delaytools.diagnosis.stepwise import with_period_fitted
 from delaytools.diagnosis.swings import swings
 from delaytools.diagnosis.windows import transients, with_edges_fitted
 
@@ -21,8 +22,10 @@ __all__ = ["PENALTY", "proposals", "sharpened_again", "shortlisted"]
 PENALTY = 20.0  # χ² that every value of an effect costs
 LEAST = 25.0  # χ² below which a candidate is not worth a fit
 PLACES = {"periodic_interference": 3, "flexible_mode": 5, "cross_coupling": 3, "parameter_change": 4}
+NEARLY, MOST_NEAR = 0.9, 5  # of a kind's best worth: places that promise so much are all fitted, up to so many
 MOST = 14
 OFF = 1e-3  # of a value: how far it may be off beside other values
+TURNS, ENOUGH = 6, 1.0  # in which it is sought again, and χ² below which that is not worth another one
 
 
 def proposals(case: Case, fitted: Fitted) -> list[Screened]:
@@ -68,10 +71,13 @@ def shortlisted(found: Sequence[Screened], *, part: float = 0.4) -> list[Screene
         return []
     top = _worth(found[0])
     count: dict[str, int] = defaultdict(int)
+    first: dict[str, float] = {}
     kept = []
     for one in found:
-        kind = one.added.kind.partition(":")[0]
-        if _worth(one) < max(LEAST, part * top) or count[kind] >= PLACES.get(kind, 2):
+        kind, worth = one.added.kind.partition(":")[0], _worth(one)
+        first.setdefault(kind, worth)
+        most = PLACES.get(kind, 2) if worth < NEARLY * first[kind] else MOST_NEAR
+        if worth < max(LEAST, part * top) or count[kind] >= most:
             continue
         count[kind] += 1
         kept.append(one)
@@ -84,14 +90,20 @@ def sharpened(base: Base, found: Sequence[Screened]) -> list[Screened]:
 
 
 def sharpened_again(case: Case, fitted: Fitted) -> Fitted:
-    """The hypothesis with what no derivative fits of its last effect sought again beside the values fitted with it."""
-    *rest, one = fitted.added
-    if one.kind not in _SHARPEN:
-        return fitted
-    base = base_of(case, at_values(case, tuple(rest), fitted))
-    roughly = replace(one, errors={name: OFF * one.values[name] for name in one.errors})
-    found = _SHARPEN[one.kind](base, roughly).added
-    return fit_hypothesis(case, (*rest, found), near=fitted, tolerance=1e-4)
+    """The hypothesis with what no derivative fits of its last effect sought again beside the values fitted with it.
+
+    In turn with these, until neither moves: a step and a natural frequency may go far together.
+    """
+    for _ in range(TURNS if fitted.added[-1].kind in _SHARPEN else 0):
+        *rest, one = fitted.added
+        base = base_of(case, at_values(case, tuple(rest), fitted))
+        roughly = replace(one, errors={name: OFF * one.values[name] for name in one.errors})
+        found = _SHARPEN[one.kind](base, roughly).added
+        moved = fit_hypothesis(case, (*rest, found), near=fitted, tolerance=1e-4)
+        if moved.chi2 > fitted.chi2 - ENOUGH:
+            return moved if moved.chi2 < fitted.chi2 else fitted
+        fitted = moved
+    return fitted
 
 
 _SHARPEN = {"quantization": with_step_fitted, "sample_hold": with_period_fitted, "transient_gain": with_edges_fitted}

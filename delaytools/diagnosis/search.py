@@ -1,6 +1,5 @@
 """Forward, swap and backward: which effects a segment needs, each re-fitted with everything else that is free."""
 
-import time
 from dataclasses import dataclass, replace
 from typing import final
 
@@ -30,6 +29,7 @@ NAMED = 60.0  # held-out χ² that an effect must be worth
 PART_OF_NOISE = 0.25  # of the noise rms that an effect must contribute
 IN_A_BAND = 1.5  # times the noise density, where an effect is small in all
 MOST = 3
+FINEST, RESOLVED = 8, 2.0  # times finer than usual steps at most, and χ² that half the step may still change
 LUCK = 3.5  # standard errors over rows by which an effect must win (Vuong 1989): noise in spikes pays by chance
 SHORTEST = 0.5  # rows: a shorter delay or lag may be the way in which rows are joined
 QUICK = 1e-4
@@ -65,17 +65,18 @@ class Finding:
 
 def search(case: Case, carried: Carried, *, deadline: float = np.inf) -> Finding:
     """The effects that the logs of a segment ask for; `carried`: what the inputs' noise sends to its exits."""
-    case = case.whitened_by(noise_of(case, nominal(case), carried))
+    case = replace(case.whitened_by(noise_of(case, nominal(case), carried)), deadline=deadline)
     if case.residual(case.outputs((), nominal(case).values)).std() > 1e-2:
         case = with_draws(case)
     null = fit_hypothesis(case, ())
     case, null = _rewhitened(case, null, carried)
     fitted, steps, small = null, [null], []
     rivals: list[list[Fitted]] = []
-    while len(fitted.added) < MOST and _left(case, fitted) > NAMED + PENALTY and time.monotonic() < deadline:
-        best, others, seen = _step(case, fitted, carried, deadline)
+    while len(fitted.added) < MOST and _left(case, fitted) > NAMED + PENALTY and not case.is_late:
+        best, others, seen = _step(case, fitted, carried)
         if best is None:
             break
+        seen, best, others = _resolved(seen, best, others)
         before = _refit(seen, fitted)
         if before is not None and not _worthwhile(seen, before, best, carried):
             small.append(best.added[-1])
@@ -85,20 +86,38 @@ def search(case: Case, carried: Carried, *, deadline: float = np.inf) -> Finding
         rivals = [*(rivals[k] for k in kept), *([] for _ in range(new - 1)), others]
         case, fitted = seen, best
         steps.append(fitted)
-    case, fitted, rivals = _swapped(case, fitted, rivals, carried, deadline)
+    case, fitted, rivals = _swapped(case, fitted, rivals, carried)
     case, fitted, rivals = _pruned(case, fitted, rivals, carried)
     for one in quantisers_shown(case, fitted, PART_OF_NOISE):
         case, fitted = _rewhitened(case, replace(fitted, added=(*fitted.added, one)), carried)
         rivals.append([])
     null = fit_hypothesis(case, (), near=null)
-    exhausted = time.monotonic() >= deadline
-    return Finding(case, null, fitted, tuple(steps), tuple(tuple(r) for r in rivals), tuple(small), exhausted)
+    return Finding(case, null, fitted, tuple(steps), tuple(tuple(r) for r in rivals), tuple(small), case.is_late)
 
 
 def _rewhitened(case: Case, fitted: Fitted, carried: Carried) -> tuple[Case, Fitted]:
     """The case seen through the noise that this hypothesis leaves, and the hypothesis fitted again."""
     case = case.whitened_by(noise_of(case, fitted, carried))
     return case, fit_hypothesis(case, fitted.added, near=fitted)
+
+
+def _resolved(case: Case, best: Fitted, others: list[Fitted]) -> tuple[Case, Fitted, list[Fitted]]:
+    """The case with steps so fine that half of them would change the best one's residual by less than chance does.
+
+    The error of a run may look like a further effect, above all where a stiff force drives what integrates.
+    """
+    coarse = case
+    while case.finer < FINEST and not case.pieces and not case.is_late:
+        finer = replace(case, finer=2 * case.finer, _replays={})
+        runs = (one.outputs(best.added, best.values) for one in (finer, case))
+        change = case.whitened(tuple(a - b for a, b in zip(*runs, strict=True)))
+        if float(change @ change) < RESOLVED:
+            break
+        case = finer
+    if case is coarse:
+        return case, best, others
+    first, *rest = _again(case, [best, *others], best)
+    return case, first, rest
 
 
 def _left(case: Case, fitted: Fitted) -> float:
@@ -123,9 +142,7 @@ def _is_loud(case: Case, fitted: Fitted, carried: Carried) -> bool:
     return False
 
 
-def _step(
-    case: Case, fitted: Fitted, carried: Carried, deadline: float
-) -> tuple[Fitted | None, list[Fitted], Case]:
+def _step(case: Case, fitted: Fitted, carried: Carried) -> tuple[Fitted | None, list[Fitted], Case]:
     """The hypothesis with the best effect more, its rivals, and the case seen through the noise that it leaves."""
     rough, base = case, fitted
     if case.pieces or _is_loud(case, fitted, carried):
@@ -134,7 +151,7 @@ def _step(
     found = sorted(proposals(rough, base), key=lambda one: not _rubs_beside(base, one.added))
     more = richer(rough, base, least=0.5 * max((one.gain for one in found), default=0.0))
     hypotheses = [*((added, np.inf) for added in more), *(((*base.added, one.added), one.gain) for one in found)]
-    tried = _fits(rough, base, hypotheses, deadline)
+    tried = _fits(rough, base, hypotheses)
     if not tried:
         return None, [], case
     further = [
@@ -144,9 +161,9 @@ def _step(
     if len(base.added) + 2 <= MOST:
         two = pairs(base_of(rough, base), found, least=base.chi2 - tried[0].chi2)
         further += [((*base.added, *both), gain) for both, gain in two]
-    tried = sorted([*tried, *_fits(rough, base, further, deadline)], key=_cost)
+    tried = sorted([*tried, *_fits(rough, base, further)], key=_cost)
     plain = [(added, np.inf) for one in tried[:NEAREST] if (added := plainer(one)) is not None]
-    tried = sorted(_best_of_each([*tried, *_fits(rough, base, plain, deadline)]), key=_cost)
+    tried = sorted(_best_of_each([*tried, *_fits(rough, base, plain)]), key=_cost)
     best = tried[0] = sharpened_again(rough, tried[0])
     seen = case.whitened_by(noise_of(case, best, carried))
     again = _again(seen, tried, best)
@@ -163,6 +180,8 @@ def _rubs_beside(fitted: Fitted, one: Added) -> bool:
 
 def _again(case: Case, tried: list[Fitted], best: Fitted) -> list[Fitted]:
     """Hypotheses that may be as good as the best, cheapest first: fitted again roughly, the nearest to the end."""
+    if case.is_late:
+        return [one for one in (_refit(case, best),) if one is not None]
     near = [
         t for k, t in enumerate(tried)
         if _cost(t) < _cost(best) + max((NEAR if k < 3 else 0.0) * best.chi2, FARTHEST)
@@ -177,7 +196,6 @@ def _fits(
     case: Case,
     fitted: Fitted,
     hypotheses: list[tuple[tuple[Added, ...], float]],
-    deadline: float,
     *,
     known: float = 0.0,
 ) -> list[Fitted]:
@@ -190,7 +208,7 @@ def _fits(
     best = max((promised for _, promised in hypotheses), default=0.0)
     tried: list[Fitted] = []
     for place, (added, promised) in enumerate(hypotheses):
-        if time.monotonic() > deadline and tried:
+        if case.is_late and tried:
             break
         found = max((fitted.chi2 - one.chi2 for one in tried), default=0.0)
         if place < ALWAYS or promised >= PROMISING * min(found, best):
@@ -200,7 +218,7 @@ def _fits(
                 tried.append(made)
     found = max((fitted.chi2 - one.chi2 for one in tried), default=0.0)
     for place, one in enumerate(tried):
-        if not one.is_settled and fitted.chi2 - one.chi2 >= HALF * max(found, known) and time.monotonic() < deadline:
+        if not one.is_settled and fitted.chi2 - one.chi2 >= HALF * max(found, known) and not case.is_late:
             tried[place] = _attempt(case, one.added, one, MORE) or one
     return sorted(_best_of_each(tried), key=_cost)
 
@@ -282,11 +300,11 @@ def matters(case: Case, before: Fitted, after: Fitted, carried: Carried) -> bool
 
 
 def _swapped(
-    case: Case, fitted: Fitted, rivals: list[list[Fitted]], carried: Carried, deadline: float
+    case: Case, fitted: Fitted, rivals: list[list[Fitted]], carried: Carried
 ) -> tuple[Case, Fitted, list[list[Fitted]]]:
     """Every effect taken out in turn and everything tried in its place; what fits better stays."""
     for place in range(len(fitted.added) - 1):  # what stands in the last one's place was tried when it was added
-        if time.monotonic() > deadline:
+        if case.is_late:
             break
         rest = tuple(one for k, one in enumerate(fitted.added) if k != place)
         without = _attempt(case, rest, fitted, STEPS)
@@ -295,7 +313,7 @@ def _swapped(
         here = fitted.added[place].key
         found = [one for one in proposals(case, without)[:8] if one.added.key != here]
         hypotheses = [((*without.added, one.added), one.gain) for one in found]
-        tried = _fits(case, without, hypotheses, deadline, known=without.chi2 - fitted.chi2)
+        tried = _fits(case, without, hypotheses, known=without.chi2 - fitted.chi2)
         again = _again(case, tried, min(fitted, *tried, key=_cost)) if tried else []
         if again and _cost(again[0]) < _cost(fitted) - 1.0:
             ordered = (*again[0].added[:place], again[0].added[-1], *again[0].added[place:-1])

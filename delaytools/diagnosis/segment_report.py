@@ -19,11 +19,11 @@ from delaytools.diagnosis.answer import (
     Unexplained,
 )
 from delaytools.diagnosis.case import Case
-from delaytools.diagnosis.fitting import Fitted, fit_hypothesis
+from delaytools.diagnosis.fitting import Fitted, fit_hypothesis, jumps
 from delaytools.diagnosis.heldout import held_out
 from delaytools.diagnosis.hint import hint
 from delaytools.diagnosis.next_experiment import next_experiment
-from delaytools.diagnosis.noise import Whitening, incoherent_spectrum, whitening
+from delaytools.diagnosis.noise import Whitening, incoherent_spectrum, whitening, without_odd_rows
 from delaytools.diagnosis.noise_of import features, references
 from delaytools.diagnosis.quantities import quantities
 from delaytools.diagnosis.search import MOST, PENALTY, Finding
@@ -37,7 +37,7 @@ ALIKE = 12.0  # χ² (values paid for) within which two effects explain the logs
 LEFT = 0.06  # power of structure left, of the noise: a quarter of its rms
 IN_A_BAND = 1.25  # the same in one octave
 CHANCE = 1e-8
-LARGEST, FEW_ODD = 6.0, 0.005  # of a whitened residual's rows: beyond what noise does; and their share
+WINDOW = "transient_gain"  # two of them can follow whatever depends on how much a signal moves
 
 
 @final
@@ -87,7 +87,8 @@ def segment_report(found: Finding) -> SegmentReport:
 def _imitated(case: Case, fitted: Fitted) -> tuple[Unexplained, ...]:
     """Sets of effects that explain everything by their number alone: such sets imitate an unknown effect well."""
     generic = {one.fixed.get("source") for one in fitted.added if "source" in one.fixed}
-    if len(fitted.added) < MOST and len(generic) < 2:
+    windows = [one for one in fitted.added if one.kind == WINDOW]
+    if len(fitted.added) < MOST and len(generic) < 2 and len(windows) < 2:
         return ()
     words = f"{len(fitted.added)} effects are needed here: together they may imitate one that is not in the catalogue"
     return (Unexplained(case.exits[0], 0.0, (), words),)
@@ -100,13 +101,25 @@ def _next(case: Case, fitted: Fitted, sets: list[tuple[Fitted, ...]]) -> NextExp
 
 
 def _directions(case: Case, fitted: Fitted) -> tuple[Array, ...]:
-    """What one standard error of each fitted value does to the outputs."""
+    """What one standard error of each fitted value does to the outputs, of those that no derivative fits included."""
     stds = np.array([p.std for p in fitted.parameters])
     sure = np.isfinite(stds) & (stds > 0)
-    if not sure.any():
-        return tuple(np.zeros((*m.shape, 0)) for m in case.measured)
-    slopes = [replay.run_with_derivatives(fitted.values)[1] for replay in case.replays(fitted.added)]
-    return tuple(rows[:, :, sure] * stds[sure] for rows in slopes)
+    found = [np.zeros((*m.shape, 0)) for m in case.measured]
+    if sure.any():
+        slopes = [replay.run_with_derivatives(fitted.values)[1] for replay in case.replays(fitted.added)]
+        found = [rows[:, :, sure] * stds[sure] for rows in slopes]
+    stepped = [(k, n) for k, one in enumerate(fitted.added) for n in one.held if one.errors.get(n, 0.0) > 0]
+    for place, name in stepped:
+        ends = [case.outputs(_with_error(fitted.added, place, name, sign), fitted.values) for sign in (1.0, -1.0)]
+        moved = [0.5 * (after - before)[:, :, None] for after, before in zip(*ends, strict=True)]
+        found = [np.concatenate(both, axis=2) for both in zip(found, moved, strict=True)]
+    return tuple(found)
+
+
+def _with_error(added: tuple[Added, ...], place: int, name: str, sign: float) -> tuple[Added, ...]:
+    one = added[place]
+    moved = one.moved({name: one.values[name] + sign * one.errors[name]})
+    return (*added[:place], moved, *added[place + 1 :])
 
 
 def _alike(found: Finding, place: int) -> tuple[Fitted, ...]:
@@ -191,7 +204,7 @@ def _unexplained(case: Case, fitted: Fitted) -> tuple[Unexplained, ...]:
     found = []
     for j, exit in enumerate(case.exits):
         residual = left[0][:, j]
-        white = _without_odd_rows(case.whitening[j].apply(residual))
+        white = without_odd_rows(case.whitening[j].apply(residual))
         inputs = features(case, outputs, 0)
         bands = structured_bands(white, inputs)
         bad = [b for b in bands if b.share > IN_A_BAND and b.probability < CHANCE]
@@ -200,12 +213,6 @@ def _unexplained(case: Case, fitted: Fitted) -> tuple[Unexplained, ...]:
             bad = [b for b in bands if b.probability < CHANCE]
             found.append(replace(_left(case, exit, bad, (white, inputs)), hint=hint(case, fitted, j)))
     return tuple(found)
-
-
-def _without_odd_rows(white: Array) -> Array:
-    """A whitened residual, its largest rows cut where these are few: a row rounded the other way is no structure."""
-    odd = np.abs(white) > LARGEST
-    return np.clip(white, -LARGEST, LARGEST) if odd.mean() < FEW_ODD else white
 
 
 def _left_over(case: Case, outputs: tuple[Array, ...]) -> tuple[Array, ...]:
@@ -246,7 +253,7 @@ def _seen_plainly(case: Case, fitted: Fitted, adequate: bool) -> Case:
     left = _left_over(case, outputs)
     filters = []
     for j in range(len(case.exits)):
-        residual = left[0][:, j]
+        residual = without_odd_rows(left[0][:, j]) if jumps(fitted.added) else left[0][:, j]
         inputs = np.zeros((len(residual), 0)) if adequate else references(case, 0)
         filters.append(whitening(*incoherent_spectrum(residual, inputs)))
     return case.whitened_by(tuple(filters))

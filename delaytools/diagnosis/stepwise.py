@@ -1,6 +1,5 @@
-"""Candidates whose cost is no smooth function of their value: quantisation, resampling, dropped frames."""
+"""Candidates that act at ticks, so that no derivative fits them: resampling and dropped frames."""
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -9,168 +8,35 @@ from numpy.typing import NDArray
 from delaytools.blocks.block import Sampled
 from delaytools.diagnosis.added import Added
 from delaytools.diagnosis.case import Case
-from delaytools.diagnosis.lattices import on_lattice, shown_as
-from delaytools.diagnosis.places import Spot
+from delaytools.diagnosis.lattices import shown_as
 from delaytools.diagnosis.screen import Base, Screened, response
-from delaytools.diagnosis.views import View
-from delaytools.diagnosis.wires import Way
-from delaytools.estimation.noise_level import difference_noise
 from delaytools.loop.port import find_port
 from delaytools.signals.record import Record
 
-__all__ = ["quantisations", "with_draws", "with_period_fitted", "with_step_fitted"]
+__all__ = ["with_draws", "with_period_fitted"]
 
 Array = NDArray[np.float64]
 KEPT, LOST = 1 - 1e-9, 0.0
 RUNS = 900  # of a segment, while its dropped updates are sought one after the other
-EXCESS = 1.05  # of the noise: a residual below it is not worth a search for quantisation further upstream
-FINEST = 1e-7  # of a step: how well it is to be known
-AROUND = 0.03  # of the best step: where a better one may lie
-TRIED, TRIED_SLOWLY = 12, 4  # steps whose change is sent through the segment, by convolution and by runs
-COARSE, SIZES = (0.05, 2.0), 25  # of the signal's spread: steps so large that their pattern needs no fine grid
-NEAREST_STEPS, NEAREST_SHOWN = 0.003, 0.0004  # relative, between steps at a port inside, and at an exit itself
-FINE = 0.1  # of a signal's spread: the rounding of a finer step is white
-MOST_SHOWN = 6000
-MOST_STEPS = 900  # of a quantiser that are tried at a port
-
-
-def quantisations(base: Base, view: View, spots: Sequence[Spot]) -> list[Screened]:
-    """The best step of a quantiser at every port: the lattice of the log where there is one, else a fine grid.
-
-    In real runs the lattice alone: errors of the model hide the pattern by which a step further upstream shows.
-    """
-    found = []
-    for spot in (s for s in spots if s.kind == "quantization"):
-        signals = view.at(spot.port)
-        if (one := on_lattice(base.case, spot.port)) is not None:
-            change = response(base, one)
-            found.extend([Screened(one, base.gain(change, 0.9, 1.1)[0])] if change is not None else [])
-        elif not base.case.pieces and (best := _best_step(base, spot, signals)) is not None:
-            found.append(best)
-    return found
-
-
-def _best_step(base: Base, spot: Spot, signals: tuple[Array, ...]) -> Screened | None:
-    spread = float(np.std(np.concatenate(signals)))
-    shown = shown_as(base.case, spot.port)
-    left = base.case.measured[0] - base.outputs[0]
-    if spread <= 0 or (shown is None and not _above_noise(base.case, left)):
-        return None
-    way = base.way(str(spot.port))
-    if way is None or way.every == 0:  # no pulse speaks for all times: nothing to choose steps by
-        return None
-    size = _size_by_power(base, way) if shown is None else float(np.sqrt(12) * left[:, shown].std())
-    if not 0 < size < np.inf:
-        return None
-    nearest = NEAREST_STEPS if shown is None else NEAREST_SHOWN
-    high = max((3.0 if shown is None else 1.3) * size, COARSE[1] * spread)
-    steps = _steps((spread, nearest), 0.25 * size, high, MOST_STEPS if shown is None else MOST_SHOWN)
-    weights = way.weights(base.residual)
-    promised = np.array([
-        _promised(step, way, signals, weights) if shown is None or step > FINE * spread
-        else 2 * _along(step, way, signals, weights) - step**2 / 12 * way.white_power
-        for step in steps
-    ])  # fmt: skip
-    first = np.argsort(promised)[::-1][: TRIED if way.is_quick else TRIED_SLOWLY]
-    tried = {float(steps[k]) for k in first if promised[k] > 0}
-    if way.is_quick and shown is None:
-        tried |= {float(step) for step in np.geomspace(*COARSE, SIZES) * spread}
-    gains = {step: _gain(base, spot.kind, str(spot.port), step) for step in tried}
-    top = max(gains, key=gains.__getitem__, default=0.0)
-    if gains.get(top, 0.0) <= 0:
-        return None
-    return _finer(base, spot.kind, str(spot.port), (top, AROUND * top), slowly=not way.is_quick)
-
-
-def _finer(
-    base: Base, kind: str, at: str, range_of: tuple[float, float], *, slowly: bool = False
-) -> Screened:
-    """The best step within middle ± width, as good as a grid shows."""
-    middle, width = range_of
-    tried = middle + width * np.linspace(-1, 1, 13 if slowly else 61)
-    gains = np.array([_gain(base, kind, at, step) for step in tried])
-    best = int(np.argmax(gains))
-    sure = tried[gains >= gains[best] - 4.0]
-    error = max((sure[-1] - sure[0]) / 4, (tried[1] - tried[0]) / 2)
-    one = Added(kind, at, {"step": float(tried[best])}, {}, frozenset({"step"}), {}, {"step": float(error)})
-    return Screened(one, float(gains[best]))
-
-
-def with_step_fitted(base: Base, one: Added) -> Screened:
-    """The quantiser with its step so fine that no row is rounded otherwise by what is left of its error."""
-    found = Screened(one, _gain(base, one.kind, one.at, one.values["step"]))
-    if on_lattice(base.case, find_port(base.case.segment.loop, one.at)) is not None:
-        return found
-    way = base.way(one.at)
-    while way is not None and way.is_quick and found.added.errors["step"] > FINEST * found.added.values["step"]:
-        middle, width = found.added.values["step"], 2 * found.added.errors["step"]
-        finer = _finer(base, one.kind, one.at, (middle, width))
-        if finer.added.errors["step"] > 0.5 * found.added.errors["step"]:
-            return max(found, finer, key=lambda screened: screened.gain)
-        found = finer
-    return found
-
-
-def _size_by_power(base: Base, way: Way) -> float:
-    """The step whose rounding, white and of variance step²/12, would bring the power of the residual to the exits."""
-    power = float(base.residual @ base.residual)
-    return float(np.sqrt(12 * power / way.white_power)) if way.white_power > 0 else 0.0
-
-
-def _above_noise(case: Case, left: Array) -> bool:
-    """Whether the residual of an exit is more than the noise that its fourth differences show."""
-    noises = [difference_noise(column) for column in case.measured[0].T]
-    held = [exit in case.records[0].held for exit in case.exits]
-    return any(
-        h or rms > EXCESS * noise for h, rms, noise in zip(held, left.std(axis=0), noises, strict=True)
-    )
-
-
-def _promised(step: float, way: Way, signals: tuple[Array, ...], weights: tuple[Array, ...]) -> float:
-    """χ² that a quantiser of this step would take off, as if the log were one period and nothing else were free.
-
-    What its change sends to the exits counts both ways: a wrong step may go with a slow residual by chance, and then
-    brings more power than it takes off.
-    """
-    found = 2 * _along(step, way, signals, weights)
-    for u, gain in zip(signals, way.gains, strict=True):
-        power = np.abs(np.fft.rfft(way.read(step * np.floor(u / step + 0.5) - u))) ** 2 * gain
-        found -= float(2 * power.sum() - power[0]) / len(u)
-    return found
-
-
-def _along(step: float, way: Way, signals: tuple[Array, ...], weights: tuple[Array, ...]) -> float:
-    """How far a quantiser's change moves the exits along the residual."""
-    return sum(
-        float(way.read(step * np.floor(u / step + 0.5) - u) @ w) for u, w in zip(signals, weights, strict=True)
-    )
-
-
-def _steps(signal: tuple[float, float], low: float, high: float, most: int) -> Array:
-    """Steps as far apart as the rounding of a signal keeps its pattern; signal: its spread, and the nearest ratio."""
-    (spread, nearest), found = signal, [low]
-    while found[-1] < high and len(found) < most:
-        found.append(found[-1] * (1 + np.clip(0.08 * found[-1] / spread, nearest, 0.03)))
-    return np.array(found)
-
-
-def _gain(base: Base, kind: str, at: str, step: float) -> float:
-    change = response(base, Added(kind, at, {"step": float(step)}))
-    return 0.0 if change is None else base.gain(change, 0.9, 1.1)[0]
 
 
 def with_period_fitted(base: Base, one: Added, name: str = "period") -> Screened:
-    """The resampling with the whole number of rows about its period that takes most off."""
+    """The resampling with the whole number of rows up to about its period that takes most off.
+
+    Where a segment integrates, the best one stands far above its neighbours: all are tried where that costs little.
+    """
     rows = one.values[name] / base.case.step
-    best = Screened(one, 0.0)
-    for count in range(max(1, int(0.55 * rows)), int(1.7 * rows) + 2):
+    best, way = Screened(one, 0.0), base.way(one.at)
+    least = 1 if way is not None and way.is_quick else max(1, int(0.55 * rows))
+    for count in range(least, int(1.7 * rows) + 2):
         moved = replace(
             one.moved({name: count * base.case.step}),
             held=frozenset({name}),
             errors={name: 1e-4 * base.case.step},
         )
         change = response(base, moved)
-        gain = 0.0 if change is None else base.gain(change, 0.5, 2.0)[0]
+        half = 0.5 / count  # half a row more delays by so much more: a wider scale would let every period do
+        gain = 0.0 if change is None else base.gain(change, 1 - half, 1 + half)[0]
         if gain > best.gain:
             best = Screened(moved, gain)
     return best

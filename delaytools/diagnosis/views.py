@@ -1,6 +1,6 @@
 """What a segment's signals do under a hypothesis: scales for the starting values of candidates."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import final
 
@@ -33,9 +33,15 @@ class View:
     case: Case
     loop: Loop
     signals: tuple[dict[str, Array], ...]
+    _at: dict[str, tuple[Array, ...]] = field(default_factory=dict, repr=False)
 
     def at(self, port: Port) -> tuple[Array, ...]:
         """The signal at a port, per log: what enters it, what leaves it, or the rate there."""
+        if str(port) not in self._at:
+            self._at[str(port)] = self._found_at(port)
+        return self._at[str(port)]
+
+    def _found_at(self, port: Port) -> tuple[Array, ...]:
         element = self.loop[port.element] if port.kind == "input" else self.case.segment.loop[port.element]
         if port.kind == "input":
             return tuple(self.evaluated(element.inputs[port.name], log) for log in range(len(self.signals)))

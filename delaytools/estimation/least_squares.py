@@ -67,13 +67,14 @@ def estimate(
     coloured: bool = True,
     tolerance: float = 1e-12,
     evaluations: int | None = None,
+    enough: Callable[[], bool] | None = None,
 ) -> Estimate:
     """The parameters that make Σ residual(x)² least, from `start`, within their bounds.
 
     residual: x (n,) in the parameters' units -> r (m,). jacobian: x -> (m,n), else central differences.
     std² = s² (n/n_eff) (JᵀJ)⁻¹, s² = Σ r²/(m - n); coloured: n_eff = m/(1 + 2 Σ ρ_k), else m.
-    The search ends where the cost, the parameters or the gradient change by less than `tolerance` (relative), or after
-    `evaluations` of the residual.
+    The search ends where the cost, the parameters or the gradient change by less than `tolerance` (relative), after
+    `evaluations` of the residual, or after the first step at whose end `enough()` is true (then without success).
     A parameter on its bound counts as known in the limits of the others, and is named in `at_boundary`.
     Raises DelaytoolsError where there are fewer residuals than parameters, or none is finite at the start.
     """
@@ -90,12 +91,16 @@ def estimate(
         assert jacobian is not None
         return np.asarray(jacobian(whole(z)))[:, free] * scale[free]
 
+    def stop(_: object) -> None:
+        if enough is not None and enough():
+            raise StopIteration
+
     _check(residual(base), len(free))
     bounds = tuple(np.array([getattr(p, name) for p in start])[free] / scale[free] for name in ("low", "high"))
     found = optimize.least_squares(
         lambda z: residual(whole(z)), np.clip(base[free] / scale[free], *bounds), bounds=bounds,
         jac=scaled_jacobian if jacobian is not None else "3-point", xtol=tolerance, ftol=tolerance, gtol=tolerance,
-        max_nfev=evaluations,
+        max_nfev=evaluations, callback=stop,
     )  # fmt: skip
     inside = np.minimum(found.x - bounds[0], bounds[1] - found.x) > _AT_END
     spread = _spread(found.jac, found.fun, inside, coloured)

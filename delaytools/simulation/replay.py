@@ -67,7 +67,8 @@ class Replay:
 
     free: paths whose values the runs take. Values that shape the grid of a run (delays, periods) cost a new
     compilation whenever they change; all others share one. begins: rows at which states (element, state) are set
-    to values, in order; all others go on. substeps: of a frame; None: as many as the loop needs.
+    to values, in order; all others go on. substeps: of a frame; None: as many as the loop needs. finer: how many times
+    finer than usual its steps are to be.
     """
 
     loop: Loop
@@ -77,6 +78,7 @@ class Replay:
     free: tuple[str, ...] = ()
     begins: tuple[Begin, ...] = ()
     substeps: int | None = None
+    finer: int = 1
     _compiled: dict[Any, Compiled] = field(default_factory=dict, repr=False)
     _parts: dict[Any, "Replay"] = field(default_factory=dict, repr=False)
 
@@ -86,9 +88,9 @@ class Replay:
         step = self._row_step
         frame = step / math.ceil(step / self.loop.frame - 1e-6) if step else self.loop.frame
         if any(isinstance(e.block, Quantizer) and not self._is_held(e) for e in self.loop.elements):
-            return frame / JUMPING
+            return frame / max(self.finer, JUMPING)
         slewing = any(isinstance(element.block, RateLimiter) for element in self.loop.elements)
-        return frame / SLEWING if slewing else frame
+        return frame / max(self.finer, SLEWING if slewing else 1)
 
     def _is_held(self, element: Element) -> bool:
         """Whether what enters a block is constant between ticks or rows."""
@@ -223,7 +225,8 @@ class Replay:
             if len(self._compiled) > KEPT:
                 self._compiled.clear()
             self._compiled[key] = compile_loop(
-                framed, self.stimuli, duration=duration, free=self.free, substeps=self.substeps, stiffness=STIFF,
+                framed, self.stimuli, duration=duration, free=self.free, substeps=self.substeps,
+                stiffness=STIFF / self.finer,
                 short=any(row for row, _ in self.begins) or len(self.time) < BRIEF,
             )  # fmt: skip
         return self._compiled[key]

@@ -10,7 +10,7 @@ from delaytools.diagnosis.fitting import Fitted, fit_hypothesis
 from delaytools.diagnosis.noise_of import Carried, noise_of
 from delaytools.loop.segments import segments
 from delaytools.signals.record import Record
-from delaytools.signals.stimulus import Stimulus
+from delaytools.signals.stimulus import Column, Stimulus
 from delaytools.simulation.simulate import simulate
 
 NOISE = 0.01
@@ -47,6 +47,18 @@ parameters = { mass = 1.0, viscous = 8.0 }
 rates = { v = "(u - viscous*v)/mass" }
 outputs = { v = "v" }
 """
+SLIDE = """
+[signals]
+u = "N"
+x = "m"
+[blocks.drive]
+type = "equations"
+inputs = { u = "u" }
+states = { x = 0.0, v = 0.0 }
+parameters = { mass = 1.0, viscous = 8.0 }
+rates = { x = "v", v = "(u - viscous*v)/mass" }
+outputs = { x = "x" }
+"""
 
 
 def planted(
@@ -62,7 +74,8 @@ def planted(
     loop = build(parse_design(text))
     record = simulate(with_added(loop, added), {"u": stimulus}, duration=seconds).record
     measured = record[exit] + noise * np.random.default_rng(3).standard_normal(len(record))
-    log = Record(record.time, {"u": record["u"], exit: measured})
+    held = {"u"} if isinstance(stimulus, Column) and stimulus.held else set()
+    log = Record(record.time, {"u": record["u"], exit: measured}, held=frozenset(held))
     case = prepared_case(segments(loop, {"u", exit})[0], (log,), (), frozenset())
     return case.whitened_by(noise_of(case, _as_they_are(case, added), Carried({})))
 

@@ -1,4 +1,6 @@
-"""Where fits begin: the swing of a delay, one effect beside another; and noise through a quantiser."""
+"""Where fits begin: the swing of a delay, one effect beside another; noise through a quantiser; and where they end."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -7,10 +9,13 @@ from delaytools.diagnosis.added import Added
 from delaytools.diagnosis.joint_start import making_room
 from delaytools.diagnosis.noise_of import Carried
 from delaytools.diagnosis.places import spots
-from delaytools.diagnosis.screen import base_of
+from delaytools.diagnosis.proposals import shortlisted
+from delaytools.diagnosis.screen import Screened, base_of
+from delaytools.diagnosis.search import FINEST, RESOLVED, _resolved
+from delaytools.diagnosis.segment_report import _imitated
 from delaytools.diagnosis.swings import swings
-from delaytools.signals.stimulus import Multisine
-from tests.diagnosis.small_cases import ACTUATOR, fitted, planted
+from delaytools.signals.stimulus import Column, Multisine
+from tests.diagnosis.small_cases import ACTUATOR, SLIDE, fitted, planted
 
 WAVE = Multisine(amplitude=3.0, from_frequency=0.3, to_frequency=6.0, lines=25)
 
@@ -51,3 +56,51 @@ def test_a_little_noise_through_a_quantiser_is_more_than_its_share() -> None:
         for one in (plain, coarse)
     )
     assert straight == pytest.approx(0.1, rel=1e-6) and bent > 1.5 * straight
+
+
+def test_a_fit_past_its_deadline_ends_where_it_stands() -> None:
+    late = Added("lag", "act.output", {"time_constant": 20e-3})
+    case, far = planted(ACTUATOR, (late,), WAVE), late.moved({"time_constant": 2e-3})
+    ended, stopped = fitted(case, far), fitted(replace(case, deadline=0.0), far)
+    assert ended.is_settled and ended.values == pytest.approx([20e-3], rel=0.02)
+    begun = case.residual(case.outputs((far,), (2e-3,)))
+    assert not stopped.is_settled and 2 * ended.chi2 < stopped.chi2 < float(begun @ begun)
+
+
+def test_runs_get_finer_steps_until_their_error_is_less_than_chance() -> None:
+    rub = Added("coulomb_friction", "drive.v'", {"level": 20.0, "smoothing": 0.03}, {}, frozenset({"smoothing"}))
+    time = np.arange(0.0, 6.0005, 1e-3)
+    force = Multisine(amplitude=25.0, from_frequency=0.3, to_frequency=6.0, lines=25).value(time)
+    case = planted(SLIDE, (rub,), Column(time=time, values=force, held=True), exit="x", noise=1e-6)
+    coarse = fitted(case, rub)
+    finer, best, others = _resolved(case, coarse, [])
+    assert finer.finer > case.finer == 1 and not others
+    finest = replace(finer, finer=2 * FINEST, _replays={})
+    errors = [
+        float(np.sum((one.whitened(one.outputs(best.added, best.values)) - finest.whitened(
+            finest.outputs(best.added, best.values))) ** 2)) for one in (case, finer)
+    ]  # fmt: skip
+    assert errors[1] < RESOLVED < errors[0]
+
+
+def test_runs_that_err_by_less_than_chance_stay_as_they_are() -> None:
+    lag = Added("lag", "act.output", {"time_constant": 20e-3})
+    case = planted(ACTUATOR, (lag,), WAVE)
+    found = fitted(case, lag)
+    assert _resolved(case, found, []) == (case, found, [])
+
+
+def test_places_that_promise_as_much_are_all_fitted() -> None:
+    def at(port: str, gain: float, kind: str = "rate_limit") -> Screened:
+        return Screened(Added(kind, port, {"limit": 1.0}), gain)
+
+    equal = [at(f"act.{name}", 1000.0 - k) for k, name in enumerate(("rate", "output", "input"))]
+    assert shortlisted(equal) == equal
+    assert shortlisted([*equal[:2], at("act.input", 800.0)]) == equal[:2]
+
+
+def test_two_windows_of_gain_may_imitate_anything() -> None:
+    window = {"factor": 0.1, "start": 1.0, "end": 2.0}
+    windows = [Added("transient_gain", f"act.{name}", window) for name in ("input", "output")]
+    case = planted(ACTUATOR, tuple(windows), WAVE)
+    assert _imitated(case, fitted(case, *windows)) and not _imitated(case, fitted(case, windows[0]))

@@ -94,3 +94,17 @@ def test_faults() -> None:
         estimate(lambda x: np.full(5, np.nan), [Parameter("a", 1.0)])
     with pytest.raises(DelaytoolsError, match="not a fitted parameter"):
         estimate(lambda x: x[0] - X, [Parameter("a", 1.0)]).limits("b")
+
+
+def test_enough_ends_a_search_where_it_stands() -> None:
+    runs: list[float] = []
+
+    def left(x: np.ndarray) -> np.ndarray:
+        runs.append(float(x[0]))
+        return np.exp(-x[0] * X) - np.exp(-40.0 * X)
+
+    found = estimate(left, [Parameter("rate", 1.0)], enough=lambda: len(runs) >= 4)
+    assert not found.success and 1.0 < found["rate"].value < 39.0
+    whole = estimate(left, [Parameter("rate", 1.0)])
+    assert whole.success and whole["rate"].value == pytest.approx(40.0)
+    assert np.abs(left(np.array([found["rate"].value]))).max() > 1e-3
