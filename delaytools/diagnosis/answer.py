@@ -70,12 +70,13 @@ class Step:
     """One rung of the error ladder.
 
     step: what was added ("as designed", "tolerances fitted", "+ TYPE@PORT"). errors: signal -> held-out rms in the
-    signal's unit. whitened: signal -> held-out whitened rms, 1 = noise.
+    signal's unit. whitened: signal -> held-out whitened rms, 1 = noise; band: its 95 % block-bootstrap limits.
     """
 
     step: str
     errors: Mapping[str, float]
     whitened: Mapping[str, float]
+    band: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
 
 @final

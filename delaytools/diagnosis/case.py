@@ -12,15 +12,16 @@ from numpy.typing import NDArray
 from delaytools.blocks.block import flat_values
 from delaytools.blocks.equations import Equations
 from delaytools.diagnosis.added import Added, with_added
-from delaytools.diagnosis.noise import Whitening
+from delaytools.diagnosis.noise import FEW_ODD, LARGEST, RESOLVED, RESOLVED_HELD, Whitening
 from delaytools.diagnosis.pieces import Begun, starts_shown
+from delaytools.estimation.noise_level import difference_noise
 from delaytools.loop.loop import Element, Loop
 from delaytools.loop.segments import Segment
 from delaytools.loop.values import with_numbers
 from delaytools.signals.expression import Expression
 from delaytools.signals.parameter import Parameter
 from delaytools.signals.record import Record
-from delaytools.signals.stimulus import Stimulus
+from delaytools.signals.stimulus import Stimulus, jumping
 from delaytools.simulation.replay import Begin, Replay, driven_by
 
 __all__ = ["Case", "Rows", "prepared_case"]
@@ -103,6 +104,12 @@ class Case:
     def duration(self) -> float:
         """Length of the longest log, s."""
         return max(float(r.time[-1] - r.time[0]) for r in self.records)
+
+    @cached_property
+    def is_driven_by_jumps(self) -> bool:
+        """Whether a column jumps now and then: when between two rows, nobody knows."""
+        names = [n for n in self.segment.entries if n in self.smooth and n in self.records[0]]
+        return any(bool(jumping(np.diff(r[n])).any()) for r in self.records for n in names if n not in r.held)
 
     @property
     def is_late(self) -> bool:
@@ -236,6 +243,26 @@ class Case:
         for first, last in pieces:
             found[first:last] = self.whitening[exit].apply(rows[first:last])
         return found
+
+    @cached_property
+    def cut_levels(self) -> Array:
+        """(rows,): sizes of whitened residuals beyond which no noise goes, by the noise that the columns show."""
+        found = []
+        for record in self.records:
+            for exit, one in zip(self.exits, self.whitening, strict=True):
+                least = RESOLVED_HELD if exit in record.held else RESOLVED
+                noise = max(difference_noise(record[exit]), least * float(np.std(record[exit])))
+                level = LARGEST * max(noise * abs(float(one.taps[0])), 1.0 if len(one.taps) > 1 else 0.0)
+                found.append(np.full(len(record), level))
+        return np.concatenate(found)
+
+    def without_odd_rows(self, rows: Array) -> Array:
+        """Whitened residuals (rows,), those beyond the levels cut to them where these are few.
+
+        Behind a quantiser such a row was rounded the other way, by noise ahead of it: a whole step, and no structure.
+        """
+        cut = np.clip(rows, -self.cut_levels, self.cut_levels)
+        return cut if (cut != rows).mean() < FEW_ODD else rows
 
     def unfiltered(self, rows: Array, log: int) -> Array:
         """(n, exits): the adjoint of the filters on the rows (rows,) of one log, which are in one piece."""

@@ -249,17 +249,21 @@ def _ladder(reports: list[SegmentReport]) -> tuple[Step, ...]:
     """The segments' ladders as one: first all as designed, then all with tolerances fitted, then effect by effect."""
     if not reports:
         return ()
-    errors = {s: e for report in reports for s, e in report.steps[0].errors.items()}
-    white = {s: e for report in reports for s, e in report.steps[0].whitened.items()}
-    found = [Step("as designed", dict(errors), dict(white))]
+    known = Step("as designed", {}, {})
+    for report in reports:
+        known = _with(known, report.steps[0])
+    found = [known]
     fitted = [step for report in reports for step in report.steps[1:] if step.step == "tolerances fitted"]
-    if fitted:
-        for step in fitted:
-            errors |= step.errors
-            white |= step.whitened
-        found.append(Step("tolerances fitted", dict(errors), dict(white)))
+    for step in fitted:
+        known = _with(known, step)
+    found += [known] if fitted else []
     for step in (s for report in reports for s in report.steps[1:] if s.step != "tolerances fitted"):
-        errors |= step.errors
-        white |= step.whitened
-        found.append(Step(step.step, dict(errors), dict(white)))
+        known = _with(known, step)
+        found.append(known)
     return tuple(found)
+
+
+def _with(known: Step, step: Step) -> Step:
+    """The rung of all signals with what one segment's rung says of its own."""
+    new = {**known.errors, **step.errors}, {**known.whitened, **step.whitened}, {**known.band, **step.band}
+    return Step(step.step, *new)

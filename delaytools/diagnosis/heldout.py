@@ -9,11 +9,12 @@ from numpy.typing import NDArray
 from delaytools.diagnosis.case import Rows
 from delaytools.diagnosis.fitting import Fitted
 
-__all__ = ["HeldOut", "folds_of", "held_out"]
+__all__ = ["HeldOut", "folds_of", "held_out", "rms_band"]
 
 Array = NDArray[np.float64]
 BLOCKS = 20
 MANY = 5  # logs
+PIECE, DRAWN = 0.25, 1000  # s of a block, and resamples of a block bootstrap
 
 
 @final
@@ -73,3 +74,12 @@ def held_out(fitted: Fitted, rows: Rows) -> HeldOut:
                 move = -np.linalg.solve(left + ridge, J[fold].T @ fitted.residual[fold])
                 residual[~fold] = fitted.residual[~fold] + J[~fold] @ move
     return HeldOut(residual, np.bincount(blocks, residual**2))
+
+
+def rms_band(rows: Array, blocks: NDArray[np.int64], *, seed: int = 1) -> tuple[float, float]:
+    """95 % limits of the rms of rows (n,): percentiles over resampled blocks (Künsch 1989), noise being coloured."""
+    _, place = np.unique(blocks, return_inverse=True)
+    power, count = np.bincount(place, rows**2), np.bincount(place)
+    drawn = np.random.default_rng(seed).integers(0, len(power), (DRAWN, len(power)))
+    low, high = np.percentile(np.sqrt(power[drawn].sum(axis=1) / count[drawn].sum(axis=1)), [2.5, 97.5])
+    return float(low), float(high)

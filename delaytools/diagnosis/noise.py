@@ -12,7 +12,6 @@ from scipy.signal import lfilter
 __all__ = [
     "Whitening",
     "incoherent_spectrum",
-    "odd_rows",
     "whitening",
     "wiener_part",
     "windowed_spectra",
@@ -22,7 +21,9 @@ __all__ = [
 Array = NDArray[np.float64]
 WINDOW = 1024  # rows of one piece of the averaged spectra
 ORDER = 12  # of the prediction-error filter
-MEDIAN = 0.6745  # of |x|, x normal with standard deviation 1
+MOST, BELOW = 0.95, 1.96  # share of |x| that lies below, x normal with standard deviation 1
+RESOLVED = 3e-5  # of a signal's rms: differences below it are the simulation's or the log's rounding
+RESOLVED_HELD = 1e-4
 LARGEST, FEW_ODD = 6.0, 0.005  # standard deviations beyond which no noise goes, and a share of rows that counts as few
 
 
@@ -122,20 +123,11 @@ def wiener_part(remainder: Array, noise: float | Whitening, *, clearly: float = 
     return np.asarray(np.fft.irfft(np.fft.rfft(remainder) * np.interp(full, frequency, share), len(remainder)))
 
 
-def odd_rows(rows: Array) -> NDArray[np.bool_]:
-    """Rows of a residual (n,) that are larger than noise of its median size, where they are few; else none.
+def without_odd_rows(rows: Array, *, least: float = 0.0) -> Array:
+    """A residual (n,), rows larger than the noise of most of them cut to the largest that noise would be, where few.
 
-    Behind a quantiser such a row was rounded the other way, by noise ahead of it: a whole step, and no structure.
+    least: standard deviation that the noise is known to have.
     """
-    odd = np.abs(rows) > LARGEST * _usual(rows)
-    return odd & (odd.mean() < FEW_ODD)
-
-
-def without_odd_rows(rows: Array) -> Array:
-    """A residual (n,), its odd rows cut to the largest that noise would be."""
-    return np.where(odd_rows(rows), LARGEST * _usual(rows) * np.sign(rows), rows)
-
-
-def _usual(rows: Array) -> float:
-    """The standard deviation of normal noise with the median size of these rows."""
-    return float(np.median(np.abs(rows))) / MEDIAN
+    size = np.abs(rows)
+    level = LARGEST * max(float(np.quantile(size, MOST)) / BELOW, least)  # not by the median: much may be at rest
+    return np.clip(rows, -level, level) if (size > level).mean() < FEW_ODD else rows

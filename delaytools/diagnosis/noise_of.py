@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 from delaytools.diagnosis.case import Case
 from delaytools.diagnosis.fitting import Fitted, jumps
 from delaytools.diagnosis.noise import (
+    RESOLVED,
+    RESOLVED_HELD,
     Whitening,
     incoherent_spectrum,
     whitening,
@@ -22,8 +24,6 @@ from delaytools.signals.record import Record
 __all__ = ["EXACT", "Carried", "column_noise", "features", "noise_of", "without_noise"]
 
 Array = NDArray[np.float64]
-RESOLVED = 3e-5  # of a signal's rms: differences below it are the simulation's or the log's rounding
-RESOLVED_HELD = 1e-4
 EXACT = 5e-5  # of a signal's rms: noise below it is none
 STILL = 1e-6  # of a signal's size: its spread is taken to be no less
 CONSTANT = 1e-9  # of a signal's size: what moves less stands still
@@ -114,7 +114,7 @@ def noise_of(case: Case, fitted: Fitted, carried: Carried) -> tuple[Whitening, .
     found = []
     for j, exit in enumerate(case.exits):
         series = _series(case, outputs, j)
-        if jumps(fitted.added):
+        if jumps(case, fitted.added):
             series = [(without_odd_rows(rows), inputs) for rows, inputs in series]
         spectra = [incoherent_spectrum(*pair) for pair in series]
         longest = max(range(len(spectra)), key=lambda k: len(spectra[k][0]))
@@ -136,11 +136,14 @@ def _series(case: Case, outputs: tuple[Array, ...], exit: int) -> list[tuple[Arr
     Logs in pieces give one series of the rows that count, all of it taken for noise: the error of a model of a real
     bench goes with its inputs, too.
     """
-    left = [m[:, exit] - y[:, exit] for m, y in zip(case.measured, outputs, strict=True)]
+    whole = tuple(m - y for m, y in zip(case.measured, outputs, strict=True))
+    if case.whitening:  # by what is known so far
+        whole = case.without_nuisance(whole)
+    left = [rows[:, exit] for rows in whole]
     if not case.pieces:
         return [(rows, references(case, log)) for log, rows in enumerate(left)]
-    whole = np.concatenate([rows[a:b] for rows, own in zip(left, case.pieces, strict=True) for a, b in own])
-    return [(whole, np.zeros((len(whole), 0)))]
+    joined = np.concatenate([rows[a:b] for rows, own in zip(left, case.pieces, strict=True) for a, b in own])
+    return [(joined, np.zeros((len(joined), 0)))]
 
 
 def column_noise(values: Array, held: bool) -> float:

@@ -1,6 +1,7 @@
 """Quantisers: their cost is no smooth function of the step, so that steps are tried, from coarse to exact."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,7 +9,6 @@ from numpy.typing import NDArray
 from delaytools.diagnosis.added import Added
 from delaytools.diagnosis.case import Case
 from delaytools.diagnosis.lattices import on_lattice, shown_as
-from delaytools.diagnosis.noise import without_odd_rows
 from delaytools.diagnosis.places import Spot
 from delaytools.diagnosis.screen import Base, Screened, response
 from delaytools.diagnosis.views import View
@@ -27,6 +27,7 @@ TRIED, TRIED_SLOWLY = 12, 4  # steps whose change is sent through the segment, b
 COARSE, SIZES = (0.05, 2.0), 25  # of the signal's spread: steps so large that their pattern needs no fine grid
 NEAREST_STEPS, NEAREST_SHOWN = 0.003, 0.0004  # relative, between steps at a port inside, and at an exit itself
 FINE = 0.1  # of a signal's spread: the rounding of a finer step is white
+AS_GOOD, HALVED = 4.0, 6  # χ² by which a step may be worse, and how often its edge is halved
 MOST_SHOWN = 6000
 MOST_STEPS = 900  # of a quantiser that are tried at a port
 
@@ -68,9 +69,9 @@ def _best_step(base: Base, spot: Spot, signals: tuple[Array, ...]) -> Screened |
     tried = {float(steps[k]) for k in first if promised[k] > 0}
     if way.is_quick and shown is None:
         tried |= {float(step) for step in np.geomspace(*COARSE, SIZES) * spread}
-    gains = {step: _gain(base, at, step) for step in tried}
-    top = max(gains, key=gains.__getitem__, default=0.0)
-    if gains.get(top, 0.0) <= 0:
+    scores = {step: _score(base, at, step) for step in tried}
+    top = max(scores, key=scores.__getitem__, default=0.0)
+    if scores.get(top, 0.0) <= 0:
         return None
     return _finer(base, at, (top, AROUND * top), slowly=not way.is_quick)
 
@@ -83,23 +84,23 @@ def _worth(
         return 2 * _along(step, way, *rows) - step**2 / 12 * way.white_power
     if shown or not way.is_quick:
         return _promised(step, way, *rows)
-    return _gain(base, str(way.port), step)
+    return _score(base, str(way.port), step)
 
 
 def _finer(base: Base, at: str, range_of: tuple[float, float], *, slowly: bool = False) -> Screened:
     """The best step within middle ± width, as good as a grid shows."""
     middle, width = range_of
     tried = middle + width * np.linspace(-1, 1, 13 if slowly else 61)
-    gains = np.array([_gain(base, at, step) for step in tried])
-    best = int(np.argmax(gains))
-    sure = tried[gains >= gains[best] - 4.0]
+    scores = np.array([_score(base, at, step) for step in tried])
+    best = int(np.argmax(scores))
+    sure = tried[scores >= scores[best] - 4.0]
     error = max((sure[-1] - sure[0]) / 4, (tried[1] - tried[0]) / 2)
     one = Added(KIND, at, {"step": float(tried[best])}, {}, frozenset({"step"}), {}, {"step": float(error)})
-    return Screened(one, float(gains[best]))
+    return Screened(one, _gain(base, at, float(tried[best])))
 
 
 def with_step_fitted(base: Base, one: Added) -> Screened:
-    """The quantiser with its step so fine that no row is rounded otherwise by what is left of its error."""
+    """The quantiser with its step in the middle of where no row would be rounded otherwise."""
     found = Screened(one, _gain(base, one.at, one.values["step"]))
     if on_lattice(base.case, find_port(base.case.segment.loop, one.at)) is not None:
         return found
@@ -108,9 +109,28 @@ def with_step_fitted(base: Base, one: Added) -> Screened:
         middle, width = found.added.values["step"], 2 * found.added.errors["step"]
         finer = _finer(base, one.at, (middle, width))
         if finer.added.errors["step"] > 0.5 * found.added.errors["step"]:
-            return max(found, finer, key=lambda screened: screened.gain)
+            return _centred(base, max(found, finer, key=lambda screened: screened.gain))
         found = finer
-    return found
+    return _centred(base, found) if way is not None and way.is_quick else found
+
+
+def _centred(base: Base, found: Screened) -> Screened:
+    """The step in the middle of those that are as good as it without a worse one between them, and their spread."""
+    at, step = found.added.at, found.added.values["step"]
+    least, edges = _score(base, at, step) - AS_GOOD, []
+    for way in (-1.0, 1.0):
+        inside, outside = 0.0, FINEST * step
+        while outside < AROUND * step and _score(base, at, step + way * outside) >= least:
+            inside, outside = outside, 2 * outside
+        for _ in range(HALVED):
+            middle = 0.5 * (inside + outside)
+            good = _score(base, at, step + way * middle) >= least
+            inside, outside = (middle, outside) if good else (inside, middle)
+        edges.append(step + way * inside)
+    spread = float((edges[1] - edges[0]) / np.sqrt(12))
+    centred = found.added.moved({"step": float(np.mean(edges))})
+    errors = {"step": max(spread, FINEST * step)}
+    return Screened(replace(centred, errors=errors), _gain(base, at, centred.values["step"]))
 
 
 def _size_by_power(base: Base, way: Way) -> float:
@@ -156,20 +176,36 @@ def _steps(signal: tuple[float, float], low: float, high: float, most: int) -> A
     return np.array(found)
 
 
-def _gain(base: Base, at: str, step: float) -> float:
-    """χ² that a quantiser of this step takes off, nothing but the base's free values moved; odd rows are no loss."""
+def _left(base: Base, at: str, step: float) -> Array | None:
+    """(rows,): what a quantiser of this step leaves, other free values moved; None where the run fails."""
     way = base.way(at)
     if way is not None and way.is_quick:
         moved = way.convolved(tuple(_rounding(u, step) for u in base.view.at(way.port)))
         change = None if moved is None else base.case.whitened(moved)
     else:
         change = response(base, Added(KIND, at, {"step": float(step)}))
-    if change is None:
+    return None if change is None else base.residual - base.projected(change)
+
+
+def _score(base: Base, at: str, step: float) -> float:
+    """By how much a step leaves less, no row counted for more than noise may be.
+
+    One row rounded the other way would decide between steps by itself.
+    """
+    left = _left(base, at, step)
+    if left is None:
+        return -np.inf
+    levels = base.case.cut_levels
+    return float(np.sum(np.minimum(np.abs(base.residual), levels) ** 2 - np.minimum(np.abs(left), levels) ** 2))
+
+
+def _gain(base: Base, at: str, step: float) -> float:
+    """χ² that a quantiser of this step takes off; few odd rows count for nothing."""
+    left = _left(base, at, step)
+    if left is None:
         return 0.0
-    gain, scale = base.gain(change, 0.9, 1.1)
-    left = base.residual - scale * base.projected(change)
-    cut = without_odd_rows(left)
-    return gain + float(left @ left - cut @ cut)
+    before, after = (base.case.without_odd_rows(rows) for rows in (base.residual, left))
+    return float(before @ before - after @ after)
 
 
 def _rounding(u: Array, step: float) -> Array:

@@ -103,6 +103,18 @@ def response(base: Base, one: Added) -> Array | None:
     return _whitened(base, _simulated(base, (*base.fitted.added, one)) if change is None else change)
 
 
+def _taken_off(base: Base, one: Added, low: float = -np.inf, high: float = np.inf) -> tuple[float, float]:
+    """χ² that the effect's response takes off at its best scale within [low, high], and that scale.
+
+    A force by the better one of two: along the measured motion it is the force that acted, however far the model is;
+    along the model's own it holds a mass at rest, which a measured rate of nearly nothing cannot tell.
+    """
+    changes = [response(base, one)]
+    if find_port(base.case.segment.loop, one.at).kind == "derivative" and base.moved_by(one) is not None:
+        changes.append(_whitened(base, _simulated(base, (*base.fitted.added, one))))
+    return max((base.gain(change, low, high) for change in changes if change is not None), default=(0.0, 0.0))
+
+
 def response_instead(base: Base, place: int, one: Added) -> Array | None:
     """(rows,) whitened change of the exits when the effect stands, at its values, instead of a fitted one."""
     added = base.fitted.added
@@ -147,8 +159,7 @@ def _best_of(base: Base, tries: Sequence[Added]) -> Screened | None:
     def look(places: Iterable[int]) -> None:
         for place in places:
             if 0 <= place < len(tries) and place not in gains:
-                change = response(base, tries[place])
-                gains[place] = 0.0 if change is None else base.gain(change, *STRETCH)[0]
+                gains[place] = _taken_off(base, tries[place], *STRETCH)[0]
 
     look(range(0, len(tries), 1 if way is not None and way.is_quick else 2))
     top = max(gains, key=gains.__getitem__)
@@ -166,10 +177,7 @@ def _not_too_stiff(one: Added, narrowest: float) -> Added:
 
 
 def _scaled(base: Base, one: Added, amplitude: str) -> Screened | None:
-    change = response(base, one)
-    if change is None:
-        return None
-    gain, scale = base.gain(change)
+    gain, scale = _taken_off(base, one)
     spec = specifications(EFFECTS[one.kind])[amplitude]
     neutral = spec.neutral or 0.0
     start = one.values[amplitude]
@@ -181,6 +189,4 @@ def _scaled(base: Base, one: Added, amplitude: str) -> Screened | None:
     if "smoothing" not in one.values:
         return Screened(moved, gain)
     moved = _not_too_stiff(moved, best * base.case.step / STIFFEST)
-    change = response(base, moved)
-    real = 0.0 if change is None else base.gain(change, *STRETCH)[0]
-    return Screened(moved, max(real, 0.5 * gain))
+    return Screened(moved, max(_taken_off(base, moved, *STRETCH)[0], 0.5 * gain))

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from delaytools.diagnosis.added import Added
 from delaytools.diagnosis.case import Case
 from delaytools.diagnosis.driving import nominal
-from delaytools.diagnosis.fitting import STEPS, TOLERANCE, Fitted, fit_hypothesis
+from delaytools.diagnosis.fitting import STEPS, TOLERANCE, Fitted, fit_hypothesis, jumps
 from delaytools.diagnosis.heldout import HeldOut, held_out
 from delaytools.diagnosis.joint_start import making_room
 from delaytools.diagnosis.lattices import quantisers_shown
@@ -39,6 +39,7 @@ ALWAYS, PROMISING = 4, 0.6  # candidates fitted in any case; others where they p
 REFITTED = 4  # candidates fitted again when the noise is known better
 NEAR, FARTHEST = 0.3, 400.0  # of the best one's χ², and χ²: how much worse they may be
 NEAREST, WORTH_MORE = 3, 0.1  # hypotheses whose richer forms are tried, and what these must take off, of their χ²
+AS_GOOD = 1.0  # χ² by which two places of one effect are as good
 CLOSE = 60.0  # χ²: a hypothesis worse by more is not fitted to the end, since nothing would make it as good
 LOUD = 5.0  # times the least noise that there can be: a residual above it is the missing effect's for the most part
 FRICTIONS = ("coulomb_friction", "stribeck_friction", "load_dependent_friction")
@@ -163,11 +164,26 @@ def _step(case: Case, fitted: Fitted, carried: Carried) -> tuple[Fitted | None, 
         further += [((*base.added, *both), gain) for both, gain in two]
     tried = sorted([*tried, *_fits(rough, base, further)], key=_cost)
     plain = [(added, np.inf) for one in tried[:NEAREST] if (added := plainer(one)) is not None]
-    tried = sorted(_best_of_each([*tried, *_fits(rough, base, plain)]), key=_cost)
+    constant = _fits(rough, base, plain)
+    swung = [(a, np.inf) for one in constant for a in richer(rough, one, least=WORTH_MORE * one.chi2)]
+    tried = sorted(_best_of_each([*tried, *constant, *_fits(rough, base, swung)]), key=_cost)
     best = tried[0] = sharpened_again(rough, tried[0])
     seen = case.whitened_by(noise_of(case, best, carried))
-    again = _again(seen, tried, best)
+    again = _shown_first(seen, _again(seen, tried, best))
     return again[0], again[1:], seen
+
+
+def _shown_first(case: Case, tried: list[Fitted]) -> list[Fitted]:
+    """Hypotheses, cheapest first, but before all one that differs from the cheapest in nothing but the place of its
+    last effect, which is measured: behind a gain an offset is another one at every port, and each is as good."""
+    ports = {f"{e.name}.{port}" for e in case.segment.loop.elements for port, s in e.outputs.items() if s in case.exits}
+    best = tried[0]
+    for place, one in enumerate(tried):
+        rest, last = [a.key for a in one.added[:-1]], one.added[-1]
+        alike = rest == [a.key for a in best.added[:-1]] and last.kind == best.added[-1].kind
+        if alike and last.at in ports and _cost(one) < _cost(best) + AS_GOOD:
+            return [one, *tried[:place], *tried[place + 1 :]]
+    return tried
 
 
 def _rubs_beside(fitted: Fitted, one: Added) -> bool:
@@ -269,6 +285,8 @@ def _worthwhile(case: Case, before: Fitted, after: Fitted, carried: Carried) -> 
     """Whether an effect more pays on held-out data, is not lost in the noise, and is longer than rows can tell."""
     if any(after.added[-1].values.get(name, np.inf) < SHORTEST * case.step for name in ("delay", "time_constant")):
         return False
+    if jumps(case, after.added):  # what its jumps may leave out is no gain
+        before = replace(before, residual=case.without_odd_rows(before.residual))
     now, then = judged(case, after), judged(case, before)
     gain, _ = now.better_than(then)
     if gain < max(NAMED + PENALTY * (after.size - before.size - 1), LUCK * now.luck_beside(then)):

@@ -20,7 +20,7 @@ from delaytools.diagnosis.answer import (
 )
 from delaytools.diagnosis.case import Case
 from delaytools.diagnosis.fitting import Fitted, fit_hypothesis, jumps
-from delaytools.diagnosis.heldout import held_out
+from delaytools.diagnosis.heldout import PIECE, held_out, rms_band
 from delaytools.diagnosis.hint import hint
 from delaytools.diagnosis.next_experiment import next_experiment
 from delaytools.diagnosis.noise import Whitening, incoherent_spectrum, whitening, without_odd_rows
@@ -37,6 +37,7 @@ ALIKE = 12.0  # χ² (values paid for) within which two effects explain the logs
 LEFT = 0.06  # power of structure left, of the noise: a quarter of its rms
 IN_A_BAND = 1.25  # the same in one octave
 CHANCE = 1e-8
+EDGES = ("start", "end")
 WINDOW = "transient_gain"  # two of them can follow whatever depends on how much a signal moves
 
 
@@ -110,16 +111,18 @@ def _directions(case: Case, fitted: Fitted) -> tuple[Array, ...]:
         found = [rows[:, :, sure] * stds[sure] for rows in slopes]
     stepped = [(k, n) for k, one in enumerate(fitted.added) for n in one.held if one.errors.get(n, 0.0) > 0]
     for place, name in stepped:
-        ends = [case.outputs(_with_error(fitted.added, place, name, sign), fitted.values) for sign in (1.0, -1.0)]
+        error = fitted.added[place].errors[name]
+        if name in EDGES:
+            error = max(error, 0.5 * case.step)  # rows show no more of a jump, what they drive feels all of it
+        ends = [case.outputs(_moved_by(fitted.added, place, name, e), fitted.values) for e in (error, -error)]
         moved = [0.5 * (after - before)[:, :, None] for after, before in zip(*ends, strict=True)]
         found = [np.concatenate(both, axis=2) for both in zip(found, moved, strict=True)]
     return tuple(found)
 
 
-def _with_error(added: tuple[Added, ...], place: int, name: str, sign: float) -> tuple[Added, ...]:
+def _moved_by(added: tuple[Added, ...], place: int, name: str, error: float) -> tuple[Added, ...]:
     one = added[place]
-    moved = one.moved({name: one.values[name] + sign * one.errors[name]})
-    return (*added[:place], moved, *added[place + 1 :])
+    return (*added[:place], one.moved({name: one.values[name] + error}), *added[place + 1 :])
 
 
 def _alike(found: Finding, place: int) -> tuple[Fitted, ...]:
@@ -204,7 +207,7 @@ def _unexplained(case: Case, fitted: Fitted) -> tuple[Unexplained, ...]:
     found = []
     for j, exit in enumerate(case.exits):
         residual = left[0][:, j]
-        white = without_odd_rows(case.whitening[j].apply(residual))
+        white = without_odd_rows(case.whitening[j].apply(residual), least=1.0)
         inputs = features(case, outputs, 0)
         bands = structured_bands(white, inputs)
         bad = [b for b in bands if b.share > IN_A_BAND and b.probability < CHANCE]
@@ -253,7 +256,7 @@ def _seen_plainly(case: Case, fitted: Fitted, adequate: bool) -> Case:
     left = _left_over(case, outputs)
     filters = []
     for j in range(len(case.exits)):
-        residual = without_odd_rows(left[0][:, j]) if jumps(fitted.added) else left[0][:, j]
+        residual = without_odd_rows(left[0][:, j]) if jumps(case, fitted.added) else left[0][:, j]
         inputs = np.zeros((len(residual), 0)) if adequate else references(case, 0)
         filters.append(whitening(*incoherent_spectrum(residual, inputs)))
     return case.whitened_by(tuple(filters))
@@ -263,14 +266,16 @@ def _step(case: Case, label: str, fitted: Fitted, values: tuple[float, ...]) -> 
     start = values or tuple(p.value for p in case.parameters(()))
     left = _left_over(case, case.outputs(fitted.added, start))
     out = held_out(fitted, case.rows)
-    errors, white = {}, {}
+    errors, white, band = {}, {}, {}
+    blocks = case.rows.blocks(PIECE)
     for j, exit in enumerate(case.exits):
         here = case.rows.exit == j
         inside = float(np.sqrt(np.mean(fitted.residual[here] ** 2)))
         white[exit] = float(np.sqrt(np.mean(out.residual[here] ** 2)))
+        band[exit] = rms_band(out.residual[here], blocks[here])
         rms = float(np.sqrt(np.mean(np.concatenate([rows[:, j] for rows in left]) ** 2)))
         errors[exit] = rms * (white[exit] / inside if inside > 0 else 1.0)
-    return Step(label, errors, white)
+    return Step(label, errors, white, band)
 
 
 def _tolerated(case: Case, fitted: Fitted) -> dict[str, Quantity]:

@@ -9,7 +9,7 @@ from typing import final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import CubicSpline, PPoly
 
 from delaytools.signals.expression import Expression
 from delaytools.signals.trouble import DesignError, shown
@@ -26,9 +26,12 @@ __all__ = [
     "Step",
     "Stimulus",
     "Zero",
+    "jumping",
 ]
 
 Array = NDArray[np.float64]
+NEAREST, JUMP = 3, 6.0  # steps on either side, and how many times the largest of them a jump is
+ROUNDING = 1e-6  # of the largest step: smaller ones are none
 
 
 class Stimulus(ABC):
@@ -226,13 +229,22 @@ class Formula(Stimulus):
         return found
 
 
+def jumping(steps: Array) -> NDArray[np.bool_]:
+    """Which steps from row to row are jumps: far larger than any of the nearest on either side."""
+    around = np.pad(np.abs(steps), NEAREST)
+    beside = [k for k in range(2 * NEAREST + 1) if k != NEAREST]
+    largest = np.stack([around[k : k + len(steps)] for k in beside]).max(axis=0)
+    return np.asarray(np.abs(steps) > JUMP * largest + ROUNDING * np.abs(steps).max(initial=0.0))
+
+
 @final
 @dataclass(frozen=True, kw_only=True)
 class Column(Stimulus):
     """Values at given times, joined by straight lines, held until the next row, or joined smoothly by a cubic spline.
 
     before: the value before the first row (default: the first value). Straight lines take (ωh)²/12 off a sine of
-    ω rad/s sampled every h s; a spline takes (ωh)⁴/720, but makes more of noise.
+    ω rad/s sampled every h s; a spline takes (ωh)⁴/720, but makes more of noise. It ends before a jump and begins anew
+    behind it, a straight line between them: as if the jump were half way between its rows.
     """
 
     time: Array
@@ -242,8 +254,16 @@ class Column(Stimulus):
     smooth: bool = False
 
     @cached_property
-    def _spline(self) -> CubicSpline:
-        return CubicSpline(self.time, self.values)
+    def _spline(self) -> PPoly:
+        step = np.diff(self.values)
+        slopes = np.stack([np.zeros_like(step), np.zeros_like(step), step / np.diff(self.time), self.values[:-1]])
+        first = 0
+        for last in (*np.flatnonzero(jumping(step)), len(step)):
+            if last > first:
+                piece = slice(first, last + 1)
+                slopes[:, first:last] = CubicSpline(self.time[piece], self.values[piece]).c
+            first = last + 1
+        return PPoly(slopes, self.time)
 
     @property
     def jumps(self) -> tuple[float, ...]:
