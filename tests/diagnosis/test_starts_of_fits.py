@@ -10,12 +10,14 @@ from delaytools.diagnosis.joint_start import making_room
 from delaytools.diagnosis.noise_of import Carried
 from delaytools.diagnosis.places import spots
 from delaytools.diagnosis.proposals import shortlisted
-from delaytools.diagnosis.screen import Screened, base_of
-from delaytools.diagnosis.search import FINEST, RESOLVED, _resolved
+from delaytools.diagnosis.screen import Screened, base_of, screened
+from delaytools.diagnosis.search import FINEST, RESOLVED, _resolved, _shown_first
 from delaytools.diagnosis.segment_report import _imitated
+from delaytools.diagnosis.starts import candidates
 from delaytools.diagnosis.swings import swings
+from delaytools.diagnosis.upgrades import richer
 from delaytools.signals.stimulus import Column, Multisine
-from tests.diagnosis.small_cases import ACTUATOR, SLIDE, fitted, planted
+from tests.diagnosis.small_cases import ACTUATOR, DRIVE, SLIDE, fitted, planted
 
 WAVE = Multisine(amplitude=3.0, from_frequency=0.3, to_frequency=6.0, lines=25)
 
@@ -104,3 +106,34 @@ def test_two_windows_of_gain_may_imitate_anything() -> None:
     windows = [Added("transient_gain", f"act.{name}", window) for name in ("input", "output")]
     case = planted(ACTUATOR, tuple(windows), WAVE)
     assert _imitated(case, fitted(case, *windows)) and not _imitated(case, fitted(case, windows[0]))
+
+
+def test_a_large_swing_about_a_delay_is_found_from_the_fitted_delay() -> None:
+    true = {"mean": 0.02, "amplitude": 0.0145, "frequency": 0.49, "phase": -0.1}
+    case = planted(DRIVE, (Added("variable_delay", "drive.u", true),), WAVE, exit="v", seconds=8.0).roughly()
+    constant = fitted(case, Added("delay", "drive.u", {"delay": 0.02}))
+    (found,) = (added[-1] for added in richer(case, constant, least=0.1 * constant.chi2))
+    assert found.kind == "variable_delay" and found.values["frequency"] == pytest.approx(0.49, abs=0.05)
+    assert found.values["amplitude"] == pytest.approx(0.0145, rel=0.3)
+
+
+def test_of_places_that_are_as_good_the_measured_one_is_named() -> None:
+    case = planted(ACTUATOR, (Added("bias", "act.output", {"level": 0.3}),), WAVE)
+    inside, shown = (fitted(case, Added("bias", f"act.{port}", {"level": 0.3})) for port in ("input", "output"))
+    assert abs(inside.chi2 - shown.chi2) > 1.0  # the actuator starts at rest: an offset ahead of it has to settle
+    tie = replace(shown, residual=inside.residual * (1 + 1e-6))
+    assert _shown_first(case, [inside, tie]) == [tie, inside]
+    worse = replace(shown, residual=inside.residual * 1.01)
+    assert _shown_first(case, [inside, worse]) == [inside, worse]
+
+
+def test_a_force_is_tried_along_either_motion() -> None:
+    """Along a noisy rate of nearly nothing friction holds no mass at rest; along the model's own it does."""
+    time = np.arange(0.0, 6.0005, 1e-3)
+    force = Multisine(amplitude=25.0, from_frequency=0.3, to_frequency=6.0, lines=25).value(time)
+    rub = Added("coulomb_friction", "drive.v'", {"level": 10.0, "smoothing": 0.05})
+    case = planted(DRIVE, (rub,), Column(time=time, values=force, held=True), exit="v", noise=0.1)
+    base = base_of(case, fitted(case))
+    (found,) = (s for s in screened(base, candidates(base.view, spots(case.segment))) if s.added.key == rub.key)
+    along = base.moved_by(rub)
+    assert along is not None and found.gain > base.gain(case.whitened(along))[0]

@@ -6,7 +6,18 @@ import numpy as np
 import pytest
 
 from delaytools.signals.expression import Expression, check_name
-from delaytools.signals.stimulus import Chirp, Doublet, Formula, Multisine, Noise, Pulse, Sine, Step
+from delaytools.signals.stimulus import (
+    Chirp,
+    Column,
+    Doublet,
+    Formula,
+    Multisine,
+    Noise,
+    Pulse,
+    Sine,
+    Step,
+    jumping,
+)
 from delaytools.signals.trouble import DelaytoolsError, DesignError, UnitError, shown
 from delaytools.signals.units import convert, quantity, unit
 
@@ -148,3 +159,31 @@ def test_amplitudes_are_what_they_say() -> None:
 def test_a_formula_of_time_without_a_value_says_when() -> None:
     with pytest.raises(DesignError, match=r"no finite value; found '1/\(t - 1\)' at t = 1 s"):
         Formula(formula=Expression("1/(t - 1)")).value(np.array([0.0, 1.0, 2.0]))
+
+
+def test_a_smooth_column_bridges_a_jump_by_a_straight_line_and_curves_elsewhere() -> None:
+    time = np.arange(0.0, 1.0, 0.01)
+    curve = np.sin(7 * time)
+    values = curve + np.where(time > 0.495, 5.0, 0.0)
+    column = Column(time=time, values=values, smooth=True)
+    between = time[:-1] + 0.005
+    found = column.value(between) - np.where(between > 0.495, 5.0, 0.0)
+    far = np.abs(between - 0.495) > 0.006
+    assert np.abs(found - np.sin(7 * between))[far].max() < 2e-5
+    assert column.value(np.array([0.4925])) == pytest.approx(0.75 * values[49] + 0.25 * values[50])
+    whole = Column(time=time, values=curve, smooth=True)
+    assert np.abs(whole.value(between) - np.sin(7 * between)).max() < 2e-6
+
+
+@pytest.mark.parametrize(
+    ("rows", "jumps"),
+    [
+        ([0, 0, 0, 0, 5, 5, 5, 5], [3]),
+        ([0, 0, 0, 0, 5, 0, 0, 0], []),
+        ([0, 1, 2, 3, 4, 5, 6, 7], []),
+        ([0, 0, 0, 1, 4, 9, 16, 25], []),
+        ([0, 0.1, 0.2, 0.3, 5.4, 5.5, 5.6, 5.7], [3]),
+    ],
+)
+def test_a_jump_is_far_larger_than_the_steps_on_either_side(rows: list[float], jumps: list[int]) -> None:
+    assert np.flatnonzero(jumping(np.diff(np.array(rows, dtype=float)))).tolist() == jumps
