@@ -106,11 +106,11 @@ def response(base: Base, one: Added) -> Array | None:
 def _taken_off(base: Base, one: Added, low: float = -np.inf, high: float = np.inf) -> tuple[float, float]:
     """χ² that the effect's response takes off at its best scale within [low, high], and that scale.
 
-    A force by the better one of two: along the measured motion it is the force that acted, however far the model is;
+    Friction by the better one of two: along the measured motion it is the force that acted, however far the model is;
     along the model's own it holds a mass at rest, which a measured rate of nearly nothing cannot tell.
     """
     changes = [response(base, one)]
-    if find_port(base.case.segment.loop, one.at).kind == "derivative" and base.moved_by(one) is not None:
+    if "smoothing" in one.values and base.way(one.at) is not None:
         changes.append(_whitened(base, _simulated(base, (*base.fitted.added, one))))
     return max((base.gain(change, low, high) for change in changes if change is not None), default=(0.0, 0.0))
 

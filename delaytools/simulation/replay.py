@@ -180,7 +180,8 @@ class Replay:
         (before, slopes_before), (after, slopes_after) = ends
         slopes = np.zeros((*before.shape, len(values)))
         slopes[:, :, rest] = (1 - part) * slopes_before + part * slopes_after
-        slopes[:, :, index] = (after - before) / cell
+        with np.errstate(over="ignore", invalid="ignore"):  # a run that diverges has no slope
+            slopes[:, :, index] = (after - before) / cell
         return (1 - part) * before + part * after, slopes
 
     def on_grid(self, values: tuple[float, ...]) -> tuple[float, ...]:

@@ -11,12 +11,14 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from delaytools.cli.main import run
+from delaytools.diagnosis.diagnose import Effort
 from delaytools.measurement.log_file import read_log
 from tests.design.benches import BENCH, DRIVE, spoilt
 
@@ -51,7 +53,8 @@ Run = Callable[..., "subprocess.CompletedProcess[str]"]
 
 @pytest.fixture
 def inside(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Run:
-    """The same as `command`, in this process."""
+    """The same as `command`, all of it in this process."""
+    monkeypatch.setattr("delaytools.cli.measured.Effort", partial(Effort, processes=1))
 
     def call(*words: object) -> "subprocess.CompletedProcess[str]":
         monkeypatch.setattr(sys, "argv", ["delaytools", *map(str, words)])

@@ -127,7 +127,7 @@ def test_of_places_that_are_as_good_the_measured_one_is_named() -> None:
     assert _shown_first(case, [inside, worse]) == [inside, worse]
 
 
-def test_a_force_is_tried_along_either_motion() -> None:
+def test_friction_is_tried_along_either_motion() -> None:
     """Along a noisy rate of nearly nothing friction holds no mass at rest; along the model's own it does."""
     time = np.arange(0.0, 6.0005, 1e-3)
     force = Multisine(amplitude=25.0, from_frequency=0.3, to_frequency=6.0, lines=25).value(time)
