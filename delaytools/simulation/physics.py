@@ -156,6 +156,9 @@ def physics(loop: Loop, free: tuple[str, ...] = ()) -> Physics:
     clock = ca.vertcat(point.t, point.elapsed)
     both = ca.vertcat(x_dot, inputs)
     timed = bool(ca.depends_on(ca.vertcat(both, rows), clock)) if both.shape[0] + rows.shape[0] else False
+    kept = {key: ca.SX.sym("kept") for key in layout.kept}
+    updates = _stack([x for part in net.tick(leaves, kept, {e.name: 1 for e in loop.sampled}) for x in part.values()])
+    ticks_timed = bool(ca.depends_on(updates, clock)) if updates.shape[0] else False
     linear = not layout.followers and not timed and not free and is_linear(both, moving)
     return Physics(
         net,
@@ -168,7 +171,7 @@ def physics(loop: Loop, free: tuple[str, ...] = ()) -> Physics:
         ca.Function("settled", args, [settled]),
         delayed,
         linear,
-        timed,
+        timed or ticks_timed,
         slopes,
     )
 
