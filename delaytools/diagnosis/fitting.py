@@ -78,11 +78,11 @@ def fit_hypothesis(
         else p
         for p in case.parameters(added)
     ]
+    if not start:
+        return at_values(case, added, Fitted(added, (), np.zeros(0), np.zeros((0, 0))))
     if case.is_late and near is not None and near.added == added and [p.path for p in start] == list(known):
         rows = _evaluated(case, added, tuple(p.value for p in start))
         return Fitted(added, tuple(replace(p, std=known[p.path].std) for p in start), *rows, is_settled=False)
-    if not start:
-        return at_values(case, added, Fitted(added, (), np.zeros(0), np.zeros((0, 0))))
     memory: dict[tuple[float, ...], tuple[Array, Array]] = {}
 
     def both(x: Array) -> tuple[Array, Array]:
@@ -98,7 +98,7 @@ def fit_hypothesis(
         if nearly or key in memory:
             return both(x)[0]
         rows = case.residual(case.outputs(added, key))
-        return case.without_odd_rows(rows) if jumps(case, added) else rows
+        return case.without_odd_rows(rows) if jumps(added) else rows
 
     found = estimate(
         residual, start, jacobian=lambda x: both(x)[1], coloured=False, tolerance=tolerance,
@@ -119,9 +119,9 @@ def at_values(case: Case, added: tuple[Added, ...], near: Fitted) -> Fitted:
     return Fitted(added, parameters, *_evaluated(case, added, values))
 
 
-def jumps(case: Case, added: tuple[Added, ...]) -> bool:
-    """Whether some effect or column makes a row jump as a whole, so that a few rows may err by far more than noise."""
-    return case.is_driven_by_jumps or any(one.kind == "quantization" for one in added)
+def jumps(added: tuple[Added, ...]) -> bool:
+    """Whether some effect makes a row jump as a whole, so that noise moves a few rows by far more than itself."""
+    return any(one.kind == "quantization" for one in added)
 
 
 def _evaluated(
@@ -129,7 +129,7 @@ def _evaluated(
 ) -> tuple[Array, Array]:
     """Whitened residual and its derivatives; odd rows that a jump explains cut, and still."""
     whole, slopes = case.with_derivatives(added, values, nearly=nearly)
-    if not jumps(case, added):
+    if not jumps(added):
         return whole, slopes
     cut = case.without_odd_rows(whole)
     return cut, np.where((cut == whole)[:, None], slopes, 0.0)

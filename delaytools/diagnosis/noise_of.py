@@ -21,7 +21,7 @@ from delaytools.diagnosis.noise import (
 from delaytools.estimation.noise_level import difference_noise
 from delaytools.signals.record import Record
 
-__all__ = ["EXACT", "Carried", "column_noise", "features", "noise_of", "without_noise"]
+__all__ = ["CLEANED", "EXACT", "Carried", "column_noise", "features", "noise_of", "without_noise"]
 
 Array = NDArray[np.float64]
 EXACT = 5e-5  # of a signal's rms: noise below it is none
@@ -114,7 +114,7 @@ def noise_of(case: Case, fitted: Fitted, carried: Carried) -> tuple[Whitening, .
     found = []
     for j, exit in enumerate(case.exits):
         series = _series(case, outputs, j)
-        if jumps(case, fitted.added):
+        if jumps(fitted.added) or case.is_driven_by_jumps:
             series = [(without_odd_rows(rows), inputs) for rows, inputs in series]
         spectra = [incoherent_spectrum(*pair) for pair in series]
         longest = max(range(len(spectra)), key=lambda k: len(spectra[k][0]))
@@ -137,8 +137,6 @@ def _series(case: Case, outputs: tuple[Array, ...], exit: int) -> list[tuple[Arr
     bench goes with its inputs, too.
     """
     whole = tuple(m - y for m, y in zip(case.measured, outputs, strict=True))
-    if case.whitening:  # by what is known so far
-        whole = case.without_nuisance(whole)
     left = [rows[:, exit] for rows in whole]
     if not case.pieces:
         return [(rows, references(case, log)) for log, rows in enumerate(left)]

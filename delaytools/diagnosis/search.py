@@ -14,7 +14,7 @@ from delaytools.diagnosis.heldout import HeldOut, held_out
 from delaytools.diagnosis.joint_start import making_room
 from delaytools.diagnosis.lattices import quantisers_shown
 from delaytools.diagnosis.noise import incoherent_spectrum
-from delaytools.diagnosis.noise_of import EXACT, Carried, column_noise, noise_of
+from delaytools.diagnosis.noise_of import CLEANED, EXACT, Carried, column_noise, noise_of
 from delaytools.diagnosis.pairs import pairs
 from delaytools.diagnosis.proposals import PENALTY, proposals, sharpened_again
 from delaytools.diagnosis.screen import base_of
@@ -52,7 +52,8 @@ class Finding:
     """What a search found in one segment.
 
     case: with the filters of the last hypothesis. null, fitted: without and with the effects. steps: the hypotheses on
-    the way. rivals: per effect, other candidates fitted in its place. small: significant, but below the noise.
+    the way. rivals: per effect, other candidates fitted in its place. small: significant, but below the noise. sent:
+    per exit (n,), what noise left in cleaned inputs may do along the first log.
     """
 
     case: Case
@@ -61,6 +62,7 @@ class Finding:
     steps: tuple[Fitted, ...]
     rivals: tuple[tuple[Fitted, ...], ...]
     small: tuple[Added, ...]
+    sent: tuple[Array, ...]
     exhausted: bool
 
 
@@ -93,7 +95,8 @@ def search(case: Case, carried: Carried, *, deadline: float = np.inf) -> Finding
         case, fitted = _rewhitened(case, replace(fitted, added=(*fitted.added, one)), carried)
         rivals.append([])
     null = fit_hypothesis(case, (), near=null)
-    return Finding(case, null, fitted, tuple(steps), tuple(tuple(r) for r in rivals), tuple(small), case.is_late)
+    sent = carried.through(case, fitted, share=CLEANED)
+    return Finding(case, null, fitted, tuple(steps), tuple(map(tuple, rivals)), tuple(small), sent, case.is_late)
 
 
 def _rewhitened(case: Case, fitted: Fitted, carried: Carried) -> tuple[Case, Fitted]:
@@ -285,7 +288,7 @@ def _worthwhile(case: Case, before: Fitted, after: Fitted, carried: Carried) -> 
     """Whether an effect more pays on held-out data, is not lost in the noise, and is longer than rows can tell."""
     if any(after.added[-1].values.get(name, np.inf) < SHORTEST * case.step for name in ("delay", "time_constant")):
         return False
-    if jumps(case, after.added):  # what its jumps may leave out is no gain
+    if jumps(after.added):  # what its jumps may leave out is no gain
         before = replace(before, residual=case.without_odd_rows(before.residual))
     now, then = judged(case, after), judged(case, before)
     gain, _ = now.better_than(then)

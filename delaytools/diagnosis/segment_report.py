@@ -68,7 +68,7 @@ class SegmentReport:
 def segment_report(found: Finding) -> SegmentReport:
     """The figures of a search."""
     case, fitted = found.case, found.fitted
-    left = _unexplained(case, fitted) or _imitated(case, fitted)
+    left = _unexplained(case, fitted, found.sent) or _imitated(case, fitted)
     sets = [_alike(found, k) for k in range(len(fitted.added))]
     confusable = tuple(
         Confusable(
@@ -201,7 +201,7 @@ def _ranking(found: Finding) -> tuple[Rival, ...]:
     return tuple(sorted(rivals, key=lambda r: r.held_out_rms))
 
 
-def _unexplained(case: Case, fitted: Fitted) -> tuple[Unexplained, ...]:
+def _unexplained(case: Case, fitted: Fitted, sent: tuple[Array, ...]) -> tuple[Unexplained, ...]:
     outputs = case.outputs(fitted.added, fitted.values)
     left = _left_over(case, outputs)
     found = []
@@ -209,7 +209,7 @@ def _unexplained(case: Case, fitted: Fitted) -> tuple[Unexplained, ...]:
         residual = left[0][:, j]
         white = without_odd_rows(case.whitening[j].apply(residual), least=1.0)
         inputs = features(case, outputs, 0)
-        bands = structured_bands(white, inputs)
+        bands = structured_bands(white, inputs, case.whitening[j].apply(sent[j]))
         bad = [b for b in bands if b.share > IN_A_BAND and b.probability < CHANCE]
         whole = sum(b.share * 2 * (b.high - b.low) for b in bands if b.probability < CHANCE)
         if bad or whole > LEFT:
@@ -256,7 +256,7 @@ def _seen_plainly(case: Case, fitted: Fitted, adequate: bool) -> Case:
     left = _left_over(case, outputs)
     filters = []
     for j in range(len(case.exits)):
-        residual = without_odd_rows(left[0][:, j]) if jumps(case, fitted.added) else left[0][:, j]
+        residual = without_odd_rows(left[0][:, j]) if jumps(fitted.added) or case.is_driven_by_jumps else left[0][:, j]
         inputs = np.zeros((len(residual), 0)) if adequate else references(case, 0)
         filters.append(whitening(*incoherent_spectrum(residual, inputs)))
     return case.whitened_by(tuple(filters))

@@ -140,7 +140,8 @@ def modes(base: Base, view: View, spots: Sequence[Spot]) -> list[Screened]:
             shaken = view.signals[0][source]
             if view.is_at(port, source) and port.kind == "output":
                 continue
-            driven = through * np.fft.rfft(shaken - shaken[0], size)
+            at_first = shaken[0] if case.pieces else 0.0  # a run begins at rest: its first row is a jump
+            driven = through * np.fft.rfft(shaken - at_first, size)
             products.append(np.sum(spectra.conj() * driven, axis=0))
             powers.append(np.sum(np.abs(driven) ** 2, axis=0))
             ways.append((port, source))

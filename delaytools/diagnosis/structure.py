@@ -18,8 +18,8 @@ LAGS = (1, 2, 3, 5, 9, 17, 33, 65)  # not 0: a controller that acts at once hand
 class Band:
     """A band (cycles per row) in which the past of the inputs explains part of a whitened residual.
 
-    share: power explained beyond chance, in units of white noise of standard deviation 1. probability: of as much by
-    chance.
+    share: power explained beyond chance and what the inputs' noise may do, in units of white noise of standard deviation
+    1. probability: of as much by chance.
     """
 
     low: float
@@ -28,18 +28,20 @@ class Band:
     probability: float
 
 
-def structured_bands(residual: Array, inputs: Array) -> tuple[Band, ...]:
+def structured_bands(residual: Array, inputs: Array, sent: Array | None = None) -> tuple[Band, ...]:
     """Every octave band with what the inputs (n, k) explain of a white residual (n,), beyond what chance explains.
 
     Least squares on past inputs only: where the residual's own noise goes round the loop it shows in later
     inputs, and any non-causal coherence would take that for a missing effect (Ljung 1999, section 13.4).
+    sent: (n,) what noise left in the inputs may do, whitened as well: it goes with them, and as much is no structure.
     """
     basis = _past(inputs)
     weights = basis.T @ residual
     explained = np.abs(np.fft.rfft(basis @ weights)) ** 2
     chance = (np.abs(np.fft.rfft(basis, axis=0)) ** 2).astype(float)
     level = float(np.mean(residual**2)) if len(residual) else 1.0
-    return _by_octave(explained, chance, min(max(level, 0.0), 1.0), len(residual))
+    allowed = np.zeros(len(explained)) if sent is None else np.abs(np.fft.rfft(sent)) ** 2
+    return _by_octave(explained, chance, allowed, (min(max(level, 0.0), 1.0), len(residual)))
 
 
 def _past(inputs: Array) -> Array:
@@ -56,8 +58,8 @@ def _past(inputs: Array) -> Array:
     return np.asarray(stacked @ (left[:, kept] / np.sqrt(sizes[kept])))
 
 
-def _by_octave(explained: Array, chance: Array, level: float, rows: int) -> tuple[Band, ...]:
-    found = []
+def _by_octave(explained: Array, chance: Array, allowed: Array, size: tuple[float, int]) -> tuple[Band, ...]:
+    (level, rows), found = size, []
     edge = max(2, rows // 10000)
     while edge < len(explained) - 1:
         last = min(2 * edge, len(explained))
@@ -66,7 +68,8 @@ def _by_octave(explained: Array, chance: Array, level: float, rows: int) -> tupl
         mean, square = float(expected.sum()), float((expected**2).sum())
         freedom = mean**2 / max(square, 1e-300)
         probability = float(chi2.sf(up / max(mean, 1e-300) * freedom, freedom))
-        share = max(up - mean, 0.0) / max(2 * (last - edge), 1)
+        sent = float(allowed[edge:last].sum()) * 2 / rows
+        share = max(up - mean - sent, 0.0) / max(2 * (last - edge), 1)
         found.append(
             Band(edge / rows, (last if last < len(explained) else rows // 2) / rows, share, probability)
         )
