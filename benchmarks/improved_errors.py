@@ -33,8 +33,9 @@ def lines_of(folder: Path) -> tuple[str, list[Line]]:
         return found.verdict, []
     better = improved(plan, found, logs=["run.csv"], date="", values=True)
     again = diagnose(better, records, effort=effort)
-    rung = next((step for step in again.ladder if step.step == "tolerances fitted"), again.ladder[0])
-    return again.verdict, [(folder.name, s, white, *rung.band[s]) for s, white in rung.whitened.items()]
+    place = next((k for k, step in enumerate(again.ladder) if step.step == "tolerances fitted"), 0)
+    rung, band = again.ladder[place], again.ladder_bands[place]
+    return again.verdict, [(folder.name, s, white, *band[s]) for s, white in rung.whitened.items()]
 
 
 def main() -> None:

@@ -70,13 +70,12 @@ class Step:
     """One rung of the error ladder.
 
     step: what was added ("as designed", "tolerances fitted", "+ TYPE@PORT"). errors: signal -> held-out rms in the
-    signal's unit. whitened: signal -> held-out whitened rms, 1 = noise; band: its 95 % block-bootstrap limits.
+    signal's unit. whitened: signal -> held-out whitened rms, 1 = noise.
     """
 
     step: str
     errors: Mapping[str, float]
     whitened: Mapping[str, float]
-    band: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
 
 @final
@@ -119,6 +118,7 @@ class Diagnosis:
     verdict: "adequate", "missing" or "unexplained". ranking: signal -> rivals, the best first. tolerated: fitted
     values inside their tolerance, by path. notes: what was said on the way (log notes, significant but small).
     seconds: the time that it took. interrupted: before every segment was searched, which `notes` name.
+    ladder_bands: per rung, signal -> 95 % block-bootstrap limits of its whitened rms.
     """
 
     verdict: str
@@ -133,6 +133,7 @@ class Diagnosis:
     budget_exhausted: bool
     seconds: float
     interrupted: bool = False
+    ladder_bands: tuple[Mapping[str, tuple[float, float]], ...] = ()
 
 
 @final

@@ -109,7 +109,8 @@ class Case:
     def is_driven_by_jumps(self) -> bool:
         """Whether a column jumps now and then: when between two rows, nobody knows."""
         names = [n for n in self.segment.entries if n in self.smooth and n in self.records[0]]
-        return any(bool(jumping(np.diff(r[n])).any()) for r in self.records for n in names if n not in r.held)
+        slopes = (np.diff(r[n]) / np.diff(r.time) for r in self.records for n in names if n not in r.held)
+        return any(bool(jumping(one).any()) for one in slopes)
 
     @property
     def is_late(self) -> bool:

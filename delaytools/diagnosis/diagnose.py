@@ -34,6 +34,7 @@ __all__ = ["Effort", "diagnose"]
 
 Array = NDArray[np.float64]
 Progress = Callable[[str, float], None]
+Band = Mapping[str, tuple[float, float]]  # signal -> limits
 BUDGET = 170.0  # s
 
 
@@ -226,12 +227,14 @@ def _answer(reports: list[SegmentReport], words: tuple[str, ...], seconds: float
     missing = tuple(one for report in reports for one in report.missing)
     unexplained = tuple(one for report in reports for one in report.unexplained)
     verdict = "unexplained" if unexplained else "missing" if missing else "adequate"
+    ladder = _ladder(reports)
     return Diagnosis(
         verdict=verdict,
         missing=missing,
         ranking={report.exits[0]: report.ranking for report in reports},
         confusable=tuple(one for report in reports for one in report.confusable),
-        ladder=_ladder(reports),
+        ladder=tuple(step for step, _ in ladder),
+        ladder_bands=tuple(band for _, band in ladder),
         unexplained=unexplained,
         next_experiment=max(
             (one for report in reports if (one := report.next_experiment) is not None),
@@ -245,25 +248,26 @@ def _answer(reports: list[SegmentReport], words: tuple[str, ...], seconds: float
     )
 
 
-def _ladder(reports: list[SegmentReport]) -> tuple[Step, ...]:
+def _ladder(reports: list[SegmentReport]) -> tuple[tuple[Step, Band], ...]:
     """The segments' ladders as one: first all as designed, then all with tolerances fitted, then effect by effect."""
     if not reports:
         return ()
-    known = Step("as designed", {}, {})
+    known: tuple[Step, Band] = Step("as designed", {}, {}), {}
     for report in reports:
         known = _with(known, report.steps[0])
     found = [known]
-    fitted = [step for report in reports for step in report.steps[1:] if step.step == "tolerances fitted"]
-    for step in fitted:
-        known = _with(known, step)
+    fitted = [rung for report in reports for rung in report.steps[1:] if rung[0].step == "tolerances fitted"]
+    for rung in fitted:
+        known = _with(known, rung)
     found += [known] if fitted else []
-    for step in (s for report in reports for s in report.steps[1:] if s.step != "tolerances fitted"):
-        known = _with(known, step)
+    for rung in (r for report in reports for r in report.steps[1:] if r[0].step != "tolerances fitted"):
+        known = _with(known, rung)
         found.append(known)
     return tuple(found)
 
 
-def _with(known: Step, step: Step) -> Step:
+def _with(known: tuple[Step, Band], rung: tuple[Step, Band]) -> tuple[Step, Band]:
     """The rung of all signals with what one segment's rung says of its own."""
-    new = {**known.errors, **step.errors}, {**known.whitened, **step.whitened}, {**known.band, **step.band}
-    return Step(step.step, *new)
+    before, new = known[0], rung[0]
+    errors, white = {**before.errors, **new.errors}, {**before.whitened, **new.whitened}
+    return Step(new.step, errors, white), {**known[1], **rung[1]}

@@ -46,6 +46,7 @@ WINDOW = "transient_gain"  # two of them can follow whatever depends on how much
 class SegmentReport:
     """Everything of one segment that an answer needs.
 
+    steps: rungs of the ladder, each with the bands of its whitened rms.
     outputs: per log (n, exits) of the fitted model. directions: per log (n, exits, k), one standard error of each
     fitted value. noise: of each exit.
     """
@@ -57,7 +58,7 @@ class SegmentReport:
     missing: tuple[Missing, ...]
     ranking: tuple[Rival, ...]
     confusable: tuple[Confusable, ...]
-    steps: tuple[Step, ...]
+    steps: tuple[tuple[Step, Mapping[str, tuple[float, float]]], ...]
     unexplained: tuple[Unexplained, ...]
     tolerated: Mapping[str, Quantity]
     notes: tuple[str, ...]
@@ -230,7 +231,9 @@ def _left(case: Case, exit: str, bands: list[Band], rows: tuple[Array, Array]) -
     return Unexplained(exit, min(power / max(total, 1e-300), 1.0), limits, "")
 
 
-def _steps(found: Finding, *, adequate: bool) -> tuple[Step, ...]:
+def _steps(
+    found: Finding, *, adequate: bool
+) -> tuple[tuple[Step, Mapping[str, tuple[float, float]]], ...]:
     """The ladder of this segment: as designed, tolerances fitted, and one rung for every effect."""
     case = _seen_plainly(found.case, found.fitted, adequate)
     nominal = case.parameters(())
@@ -262,7 +265,9 @@ def _seen_plainly(case: Case, fitted: Fitted, adequate: bool) -> Case:
     return case.whitened_by(tuple(filters))
 
 
-def _step(case: Case, label: str, fitted: Fitted, values: tuple[float, ...]) -> Step:
+def _step(
+    case: Case, label: str, fitted: Fitted, values: tuple[float, ...]
+) -> tuple[Step, Mapping[str, tuple[float, float]]]:
     start = values or tuple(p.value for p in case.parameters(()))
     left = _left_over(case, case.outputs(fitted.added, start))
     out = held_out(fitted, case.rows)
@@ -275,7 +280,7 @@ def _step(case: Case, label: str, fitted: Fitted, values: tuple[float, ...]) -> 
         band[exit] = rms_band(out.residual[here], blocks[here])
         rms = float(np.sqrt(np.mean(np.concatenate([rows[:, j] for rows in left]) ** 2)))
         errors[exit] = rms * (white[exit] / inside if inside > 0 else 1.0)
-    return Step(label, errors, white, band)
+    return Step(label, errors, white), band
 
 
 def _tolerated(case: Case, fitted: Fitted) -> dict[str, Quantity]:

@@ -18,8 +18,8 @@ LAGS = (1, 2, 3, 5, 9, 17, 33, 65)  # not 0: a controller that acts at once hand
 class Band:
     """A band (cycles per row) in which the past of the inputs explains part of a whitened residual.
 
-    share: power explained beyond chance and what the inputs' noise may do, in units of white noise of standard deviation
-    1. probability: of as much by chance.
+    share: power explained beyond chance and what the inputs' noise may do, in units of white noise of
+    standard deviation 1. probability: of as much by chance.
     """
 
     low: float

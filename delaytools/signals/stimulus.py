@@ -30,8 +30,8 @@ __all__ = [
 ]
 
 Array = NDArray[np.float64]
-NEAREST, JUMP = 3, 6.0  # steps on either side, and how many times the largest of them a jump is
-ROUNDING = 1e-6  # of the largest step: smaller ones are none
+NEAREST, JUMP = 3, 6.0  # slopes on either side, and how many times the largest of them a jump is
+ROUNDING = 1e-6  # of the largest slope: smaller ones are none
 
 
 class Stimulus(ABC):
@@ -229,12 +229,12 @@ class Formula(Stimulus):
         return found
 
 
-def jumping(steps: Array) -> NDArray[np.bool_]:
-    """Which steps from row to row are jumps: far larger than any of the nearest on either side."""
-    around = np.pad(np.abs(steps), NEAREST)
+def jumping(slopes: Array) -> NDArray[np.bool_]:
+    """Which slopes from row to row (n,) are jumps: far larger than any of the nearest on either side."""
+    around = np.pad(np.abs(slopes), NEAREST)
     beside = [k for k in range(2 * NEAREST + 1) if k != NEAREST]
-    largest = np.stack([around[k : k + len(steps)] for k in beside]).max(axis=0)
-    return np.asarray(np.abs(steps) > JUMP * largest + ROUNDING * np.abs(steps).max(initial=0.0))
+    largest = np.stack([around[k : k + len(slopes)] for k in beside]).max(axis=0)
+    return np.asarray(np.abs(slopes) > JUMP * largest + ROUNDING * np.abs(slopes).max(initial=0.0))
 
 
 @final
@@ -255,10 +255,10 @@ class Column(Stimulus):
 
     @cached_property
     def _spline(self) -> PPoly:
-        step = np.diff(self.values)
-        slopes = np.stack([np.zeros_like(step), np.zeros_like(step), step / np.diff(self.time), self.values[:-1]])
+        slope = np.diff(self.values) / np.diff(self.time)
+        slopes = np.stack([np.zeros_like(slope), np.zeros_like(slope), slope, self.values[:-1]])
         first = 0
-        for last in (*np.flatnonzero(jumping(step)), len(step)):
+        for last in (*np.flatnonzero(jumping(slope)), len(slope)):
             if last > first:
                 piece = slice(first, last + 1)
                 slopes[:, first:last] = CubicSpline(self.time[piece], self.values[piece]).c

@@ -54,7 +54,7 @@ Run = Callable[..., "subprocess.CompletedProcess[str]"]
 @pytest.fixture
 def inside(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Run:
     """The same as `command`, all of it in this process."""
-    monkeypatch.setattr("delaytools.cli.measured.Effort", partial(Effort, processes=1))
+    monkeypatch.setattr("delaytools.diagnosis.diagnose.Effort", partial(Effort, processes=1))
 
     def call(*words: object) -> "subprocess.CompletedProcess[str]":
         monkeypatch.setattr(sys, "argv", ["delaytools", *map(str, words)])

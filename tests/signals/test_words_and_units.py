@@ -187,3 +187,9 @@ def test_a_smooth_column_bridges_a_jump_by_a_straight_line_and_curves_elsewhere(
 )
 def test_a_jump_is_far_larger_than_the_steps_on_either_side(rows: list[float], jumps: list[int]) -> None:
     assert np.flatnonzero(jumping(np.diff(np.array(rows, dtype=float)))).tolist() == jumps
+
+
+def test_a_gap_in_time_is_no_jump() -> None:
+    time = np.delete(np.arange(0.0, 1.0, 0.01), slice(50, 56))
+    column = Column(time=time, values=np.sin(3 * time), smooth=True)
+    assert column.value(np.array([0.52])) == pytest.approx(np.sin(3 * 0.52), abs=1e-4)
