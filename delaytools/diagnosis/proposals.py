@@ -29,8 +29,11 @@ TURNS, ENOUGH = 6, 1.0  # in which it is sought again, and χ² below which that
 
 
 def proposals(case: Case, fitted: Fitted) -> list[Screened]:
-    """The shortlist of candidates beside what the hypothesis already holds, the most promising first."""
-    base = base_of(case, fitted)
+    """The shortlist of candidates beside what the hypothesis already holds, the most promising first.
+
+    By runs of usual steps: what a candidate changes hardly knows the error that both runs have.
+    """
+    base = base_of(case if case.finer == 1 else replace(case, finer=1, _replays={}), fitted)
     return sharpened(base, shortlisted(_all(base)))
 
 

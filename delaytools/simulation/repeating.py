@@ -31,7 +31,7 @@ def repeating_call(model: Physics, timing: Timing, *, short: bool = False) -> Ca
     short: of one hyper-period only.
     """
     frames = hyper_period(timing.frame, list(timing.periods.values()))
-    if timing.varying or frames is None:
+    if timing.varying or timing.by_frame is not None or frames is None:
         return None
     pattern = _pattern(timing, frames)
     if pattern is None:

@@ -20,7 +20,8 @@ from delaytools.signals.record import Record
 from delaytools.signals.stimulus import Column, Stimulus
 from delaytools.signals.trouble import AnalysisError
 from delaytools.simulation.anew import Anew
-from delaytools.simulation.run import Compiled, compile_loop, run
+from delaytools.simulation.compiling import compile_loop
+from delaytools.simulation.run import Compiled, run
 from delaytools.simulation.sensitivity import run_with_derivatives
 
 __all__ = ["Begin", "Replay", "driven_by"]
@@ -88,9 +89,9 @@ class Replay:
         step = self._row_step
         frame = step / math.ceil(step / self.loop.frame - 1e-6) if step else self.loop.frame
         if any(isinstance(e.block, Quantizer) and not self._is_held(e) for e in self.loop.elements):
-            return frame / max(self.finer, JUMPING)
+            return frame / JUMPING
         slewing = any(isinstance(element.block, RateLimiter) for element in self.loop.elements)
-        return frame / max(self.finer, SLEWING if slewing else 1)
+        return frame / SLEWING if slewing else frame
 
     def _is_held(self, element: Element) -> bool:
         """Whether what enters a block is constant between ticks or rows."""
@@ -227,7 +228,7 @@ class Replay:
                 self._compiled.clear()
             self._compiled[key] = compile_loop(
                 framed, self.stimuli, duration=duration, free=self.free, substeps=self.substeps,
-                stiffness=STIFF / self.finer,
+                stiffness=STIFF, finer=self.finer,
                 short=any(row for row, _ in self.begins) or len(self.time) < BRIEF,
             )  # fmt: skip
         return self._compiled[key]

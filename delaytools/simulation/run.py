@@ -1,7 +1,7 @@
 """Run a compiled loop: externals sampled at every stage, calls mapped over chunks, rows gathered."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import final
 
@@ -9,25 +9,16 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from delaytools.loop.loop import Loop
-from delaytools.loop.network import Network
-from delaytools.signals.expression import NUMPY
-from delaytools.signals.stimulus import Column, Stimulus, Zero
+from delaytools.signals.stimulus import Stimulus, Zero
 from delaytools.simulation.affine import affine_rows, is_affine, side_by_side
 from delaytools.simulation.anew import Anew, Reset, resets
-from delaytools.simulation.from_data import data_call
-from delaytools.simulation.physics import Physics, physics
-from delaytools.simulation.repeating import repeating_call
-from delaytools.simulation.schedule import Timing
-from delaytools.simulation.timing import STIFFNESS, stiffens, substeps_at, timing_of
+from delaytools.simulation.physics import Physics
 from delaytools.simulation.unroll import Call
 
-__all__ = ["Compiled", "call_at", "compile_loop", "initial_state", "mapped_rows", "prepared_data", "run", "trimmed"]
+__all__ = ["Compiled", "call_at", "initial_state", "mapped_rows", "prepared_data", "run", "trimmed"]
 
 Array = NDArray[np.float64]
 ROWS_PER_CHUNK = 500
-MET = 200  # points of a run at which its stiffness is taken
-SHORTLY = 2.0  # times the |λ| h elsewhere that a step may have where friction is stiffest under the largest load
 KEPT_NUMBERS = 1_000_000  # of an input's values that are kept for the next run
 FEW = 2  # times fewer units to try than calls to walk: where matrices pay
 ROWS_PER_DATA_CHUNK = 100  # building a map of calls that gather costs more than running it
@@ -44,105 +35,6 @@ class Compiled:
     frame: float
     stimuli: Mapping[str, Stimulus]
     _sampled: dict[str, tuple[Stimulus, list[Array]]] = field(default_factory=dict, repr=False)
-
-
-def compile_loop(
-    loop: Loop,
-    stimuli: Mapping[str, Stimulus],
-    *,
-    duration: float,
-    free: tuple[str, ...] = (),
-    substeps: int | None = None,
-    stiffness: float = STIFFNESS,
-    short: bool = False,
-) -> Compiled:
-    """The loop as one CasADi step, for runs of `duration` s; values at the paths in `free` stay symbols.
-
-    substeps: of a frame; None: so that no |λ| h is above `stiffness`. short: calls as short as the grid allows,
-    so that a run can begin anew between any two of them.
-    """
-    model = physics(loop, free)
-    numeric = physics(loop) if free else model
-    jumps = {name: np.asarray(stimuli[name].jumps) for name in model.layout.externals if name in stimuli}
-    delays = {name: column for name in model.layout.transports if (column := _column(model, name, stimuli))}
-    wakes = _wakes(numeric, stimuli, loop.frame)
-    timing = timing_of(numeric, jumps, substeps=substeps, stiffness=stiffness, delays=delays, wakes=wakes)
-    frames = round(duration / loop.frame)
-
-    def made(model: Physics, timing: Timing) -> Compiled:
-        end = (frames + 1) * loop.frame
-        call = repeating_call(model, timing, short=short) or data_call(model, timing, end, short=short)
-        return Compiled(model, call, frames, loop.frame, stimuli)
-
-    if substeps is None and stiffens(numeric):
-        met = substeps_at(numeric, _points_met(made(numeric, timing)), SHORTLY * stiffness)
-        timing = replace(timing, substeps=max(met, timing.substeps))
-    return made(model, timing)
-
-
-def _points_met(compiled: Compiled) -> list[Array]:
-    """Per argument of the rates (points, size): where a run without free values is at the beginnings of its calls,
-    as it is and with each state in turn at rest: friction is stiffest there."""
-    call, model, layout = compiled.call, compiled.model, compiled.model.layout
-    arguments = call.function.mx_in()
-    after = call.function.call(arguments)[0]
-    walk = ca.Function("walk", arguments, [after, after])
-    first = np.asarray(initial_state(compiled, ())).ravel()
-    states = mapped_rows(call, walk, first, (prepared_data(compiled), np.zeros(0)))
-    every = max(1, len(states) // MET)
-    x = states[:-1:every, : len(layout.states)]
-    begun = np.arange(1, len(states))[::every]
-    time = begun * call.rows * compiled.frame if call.copies else call.grid.start[begun * call.spans]
-    table = run(compiled)[1][np.minimum((time / compiled.frame + 1e-6).astype(int), compiled.frames)]
-    rows = dict(zip(layout.signals, table.T, strict=True))
-
-    def written(keys: Sequence[tuple[str, str]]) -> Array:
-        found = [_written(model.net, rows, key) for key in keys]
-        return np.stack(found, axis=1) if found else np.zeros((len(time), 0))
-
-    def only(names: Sequence[str]) -> Array:
-        return written([(name, model.net.elements[name].block.outputs[0]) for name in names])
-
-    driven = [compiled.stimuli.get(name, Zero()).value(time) for name in layout.externals]
-    external = np.stack(driven, axis=1) if driven else np.zeros((len(time), 0))
-    apart = time[:, None]
-    at = [x, written(layout.held), only(layout.transports), only(layout.followers), external, apart, 0 * apart]
-    resting = [np.where(np.arange(x.shape[1]) == k, 0.0, x) for k in range(x.shape[1])]
-    return [np.concatenate([x, *resting]), *(np.tile(rows, (1 + x.shape[1], 1)) for rows in at[1:]),
-            np.zeros((len(x) * (1 + x.shape[1]), 0))]  # fmt: skip
-
-
-def _written(net: Network, rows: Mapping[str, Array], key: tuple[str, str]) -> Array:
-    """What a block writes at some rows; where that is a joint of no name, what enters the block."""
-    element = net.elements[key[0]]
-    signal = element.outputs[key[1]]
-    if signal in rows:
-        return rows[signal]
-    entering = element.inputs[element.block.inputs[0]]
-    known = {**net.loop.parameters, **rows}
-    if not all(name in known for name in entering.names):
-        return np.zeros(len(next(iter(rows.values()), ())))
-    return np.asarray(entering.evaluate(known, NUMPY), dtype=float)
-
-
-def _wakes(model: Physics, stimuli: Mapping[str, Stimulus], frame: float) -> bool:
-    """Whether a state or an external input moves from t = 0 on."""
-    around = np.array([-1e-6, 1e-3]) * frame
-    values = [stimuli.get(name, Zero()).value(around) for name in model.layout.externals]
-    if any(pair[0] != pair[1] for pair in values):
-        return True
-    states = [float(s) for e in model.net.loop.continuous for s in e.block.initial_state]
-    zeros = [np.zeros(model.rates.size_in(i)[0]) for i in range(8)]
-    zeros[0], zeros[4] = np.array(states), np.array([pair[0] for pair in values])
-    return bool(np.any(np.asarray(model.rates(*zeros)) != 0))
-
-
-def _column(model: Physics, name: str, stimuli: Mapping[str, Stimulus]) -> tuple[Array, Array] | None:
-    inputs = model.net.elements[name].inputs
-    if "delay" not in inputs:
-        return None
-    stimulus = stimuli.get(inputs["delay"].text)
-    return (stimulus.time, stimulus.values) if isinstance(stimulus, Column) else None
 
 
 def run(

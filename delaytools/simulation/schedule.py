@@ -5,7 +5,7 @@ All of it is known before the run, because no delay depends on a state. A span i
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import final
 
@@ -34,7 +34,8 @@ class Timing:
 
     frame: s. periods: sampled element -> s. delays: one function t -> s per transport, and `constant` its value
     where it does not vary (NaN where it does). arrivals: which events pass through which delays sharply enough to
-    matter. jumps: external signal or element -> times.
+    matter. jumps: external signal or element -> times. substeps: of a frame. by_frame: (frames,) of each frame, where
+    they differ.
     """
 
     frame: float
@@ -44,11 +45,17 @@ class Timing:
     arrivals: tuple[Arrival, ...]
     jumps: dict[str, Array]
     substeps: int
+    by_frame: NDArray[np.int64] | None = None
 
     @property
     def varying(self) -> bool:
         """Whether any delay varies."""
         return any(math.isnan(tau) for tau in self.constant)
+
+    def finer(self, times: int) -> "Timing":
+        """The same with so many times more steps."""
+        by_frame = None if self.by_frame is None else times * self.by_frame
+        return replace(self, substeps=times * self.substeps, by_frame=by_frame)
 
 
 @final
@@ -139,13 +146,15 @@ def _merged(times: Array, moved: Array, frame: float) -> tuple[Array, Array]:
 
 
 def run_grid(timing: Timing, end: float) -> Grid:
-    """The spans of a whole run up to `end` s, each cut into `substeps`."""
+    """The spans of a whole run up to `end` s, what lies between two boundaries cut into `substeps`."""
     edges, moved = boundaries(timing, end)
-    n = timing.substeps
-    part = np.arange(n) / n
-    start = (edges[:-1, None] + np.diff(edges)[:, None] * part).ravel()
-    shift = moved[:-1, None, :] + np.diff(moved, axis=0)[:, None, :] * part[None, :, None]
-    shift = shift.reshape(len(start), moved.shape[1])
+    frame = (edges[:-1] / timing.frame + 1e-6).astype(np.int64)
+    known = np.array([timing.substeps]) if timing.by_frame is None else timing.by_frame
+    n = known[np.minimum(frame, len(known) - 1)]
+    first = np.repeat(np.arange(len(n)), n)
+    part = (np.arange(len(first)) - np.repeat(np.cumsum(n) - n, n)) / n[first]
+    start = edges[first] + np.diff(edges)[first] * part
+    shift = moved[first] + np.diff(moved, axis=0)[first] * part[:, None]
     start, shift = np.append(start, edges[-1]), np.vstack([shift, moved[-1:]])
     frames = np.abs(start[:-1] / timing.frame - np.round(start[:-1] / timing.frame)) < 1e-9
     return Grid(start[:-1], np.diff(start), frames, shift)

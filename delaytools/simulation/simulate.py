@@ -13,7 +13,8 @@ from delaytools.loop.loop import Loop
 from delaytools.signals.record import Record
 from delaytools.signals.stimulus import Column, Stimulus
 from delaytools.signals.trouble import AnalysisError
-from delaytools.simulation.run import compile_loop, run
+from delaytools.simulation.compiling import compile_loop
+from delaytools.simulation.run import run
 
 __all__ = ["SignalFigures", "Simulation", "oscillation", "signal_figures", "simulate"]
 

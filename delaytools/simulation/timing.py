@@ -12,7 +12,7 @@ from delaytools.blocks.block import Sampled, Transport
 from delaytools.simulation.physics import Physics
 from delaytools.simulation.schedule import Arrival, Timing
 
-__all__ = ["STIFFNESS", "stiffens", "substeps_at", "timing_of"]
+__all__ = ["MOST", "STIFFNESS", "bends", "fastest_at", "stiffens", "timing_of"]
 
 Array = NDArray[np.float64]
 MOST = 100  # steps per frame
@@ -68,28 +68,37 @@ def _substeps(model: Physics, stiffness: float) -> int:
     if not model.layout.states:
         return 1
     others = [np.zeros((1, model.rates.size1_in(i))) for i in range(1, 8)]
-    return substeps_at(model, [np.zeros((1, len(model.layout.states))), *others], stiffness)
+    fastest = fastest_at(model, [np.zeros((1, len(model.layout.states))), *others])[0]
+    return max(1, min(MOST, math.ceil(fastest * model.net.loop.frame / stiffness - 1e-9)))
 
 
-def substeps_at(model: Physics, points: Sequence[Array], stiffness: float) -> int:
-    """Steps per frame so that |λ| h stays within `stiffness` at points: per argument of the rates (points, size)."""
+def fastest_at(model: Physics, points: Sequence[Array]) -> Array:
+    """(points,) the largest |λ|, rad/s, at points without free values: per argument of the rates (points, size)."""
     size = len(model.layout.states)
     around = [ca.SX.sym(f"a{i}", model.rates.size1_in(i)) for i in range(8)]
     jacobian = ca.Function("jacobian", around, [ca.densify(ca.jacobian(model.rates(*around), around[0]))])
     values = np.asarray(jacobian.map(len(points[0]))(*(ca.DM(rows.T) for rows in points)))
     matrices = np.nan_to_num(values.reshape(size, -1, size).swapaxes(0, 1))
-    fastest = float(np.max(np.abs(np.linalg.eigvals(matrices))))
-    return max(1, min(MOST, math.ceil(fastest * model.net.loop.frame / stiffness - 1e-9)))
+    return np.asarray(np.abs(np.linalg.eigvals(matrices)).max(axis=1))
 
 
 def stiffens(model: Physics) -> bool:
     """Whether what drives the loop changes how stiff it is, as friction by load does."""
-    x, e = (ca.SX.sym(name, model.rates.size1_in(i)) for name, i in (("x", 0), ("e", 4)))
-    others = [ca.SX.sym(f"o{i}", model.rates.size1_in(i)) for i in range(8)]
-    point = [x, *others[1:4], e, *others[5:]]
-    slopes = ca.vec(ca.jacobian(model.rates(*point), x))
-    driven = ca.vertcat(e, others[1], others[2])
-    return x.numel() > 0 and driven.numel() > 0 and bool(any(ca.which_depends(slopes, driven, 1, False)))
+    slopes, states, driven = _slopes(model)
+    return states.numel() > 0 and driven.numel() > 0 and bool(any(ca.which_depends(slopes, driven, 1, False)))
+
+
+def bends(model: Physics) -> bool:
+    """Whether it is stiffer at some states, or as it is driven, than at others."""
+    slopes, states, driven = _slopes(model)
+    moving = ca.vertcat(states, driven)
+    return states.numel() > 0 and bool(any(ca.which_depends(slopes, moving, 1, False)))
+
+
+def _slopes(model: Physics) -> tuple[ca.SX, ca.SX, ca.SX]:
+    """The rates' derivatives by the states, the states, and what drives them."""
+    point = [ca.SX.sym(f"o{i}", model.rates.size1_in(i)) for i in range(8)]
+    return ca.vec(ca.jacobian(model.rates(*point), point[0])), point[0], ca.vertcat(point[4], point[1], point[2])
 
 
 def sharp_arrivals(model: Physics, jumping: tuple[str, ...]) -> tuple[Arrival, ...]:

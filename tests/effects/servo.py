@@ -15,7 +15,8 @@ from delaytools.loop.loop import Element, Loop
 from delaytools.loop.port import find_port
 from delaytools.signals.expression import Expression
 from delaytools.signals.stimulus import Column, Sine, Stimulus
-from delaytools.simulation.run import compile_loop, run
+from delaytools.simulation.compiling import compile_loop
+from delaytools.simulation.run import run
 
 Array = NDArray[np.float64]
 FREQUENCY, DAMPING, PERIOD, DURATION = 40.0, 0.6, 0.005, 1.5

@@ -13,7 +13,8 @@ from delaytools.signals.stimulus import Stimulus
 from delaytools.simulation import run as runs
 from delaytools.simulation.affine import is_affine
 from delaytools.simulation.anew import Anew
-from delaytools.simulation.run import Compiled, compile_loop, run
+from delaytools.simulation.compiling import compile_loop
+from delaytools.simulation.run import Compiled, run
 from delaytools.simulation.sensitivity import run_with_derivatives
 from tests.simulation.benches import CASES
 

@@ -10,7 +10,8 @@ from delaytools.blocks.delay import Delay, VariableDelay
 from delaytools.loop.loop import Loop
 from delaytools.loop.values import value_paths
 from delaytools.signals.stimulus import Stimulus
-from delaytools.simulation.run import compile_loop, run
+from delaytools.simulation.compiling import compile_loop
+from delaytools.simulation.run import run
 from delaytools.simulation.sensitivity import run_with_derivatives
 from tests.simulation.benches import ACTUATOR, CASES, DOUBLET, TABLE, roll_bench, turntable, with_block
 
