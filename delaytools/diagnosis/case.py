@@ -77,6 +77,7 @@ class Case:
     finer: int = 1
     deadline: float = np.inf
     _replays: dict[Any, tuple[Replay, ...]] = field(default_factory=dict, repr=False)
+    _steps: dict[int, dict[str, NDArray[np.int64]]] = field(default_factory=dict, repr=False)
     _begun_last: dict[int, Begun] = field(default_factory=dict, repr=False)
 
     @property
@@ -142,7 +143,8 @@ class Case:
         if self.numbers:
             loop = with_numbers(loop, {path: v for path, v in self.numbers[log].items() if path not in free})
         driven, time = self._stimuli(record, loop.externals), record.time - record.time[0]
-        return Replay(loop, driven, time, self.exits, free, self._begins[log], self.substeps, self.finer)
+        steps = self._steps.setdefault(log, {})
+        return Replay(loop, driven, time, self.exits, free, self._begins[log], self.substeps, self.finer, steps)
 
     @cached_property
     def _begins(self) -> tuple[tuple[Begin, ...], ...]:

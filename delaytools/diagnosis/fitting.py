@@ -41,6 +41,15 @@ class Fitted:
         return float(self.residual @ self.residual)
 
     @property
+    def falling(self) -> float:
+        """χ² that one more step would take off, were the residual linear in the values."""
+        free = np.array([not p.at_boundary for p in self.parameters], dtype=bool)
+        slopes = self.jacobian[:, free]
+        norms = np.linalg.norm(slopes, axis=0)
+        basis = np.linalg.qr(slopes[:, norms > 0] / norms[norms > 0])[0]
+        return float(np.sum((basis.T @ self.residual) ** 2))
+
+    @property
     def values(self) -> tuple[float, ...]:
         """The fitted values, in the order of `parameters`."""
         return tuple(p.value for p in self.parameters)

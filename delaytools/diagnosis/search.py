@@ -237,7 +237,8 @@ def _fits(
                 tried.append(made)
     found = max((fitted.chi2 - one.chi2 for one in tried), default=0.0)
     for place, one in enumerate(tried):
-        if not one.is_settled and fitted.chi2 - one.chi2 >= HALF * max(found, known) and not case.is_late:
+        promised = fitted.chi2 - one.chi2 + one.falling
+        if not one.is_settled and promised >= HALF * max(found, known) and not case.is_late:
             tried[place] = _attempt(case, one.added, one, MORE) or one
     return sorted(_best_of_each(tried), key=_cost)
 

@@ -6,6 +6,7 @@ from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter1d
 
 from delaytools.loop.loop import Loop
 from delaytools.signals.stimulus import Column, Stimulus, Zero
@@ -22,6 +23,7 @@ __all__ = ["compile_loop"]
 Array = NDArray[np.float64]
 SHORTLY = 2.0  # times the |λ| h elsewhere that a step may have where friction is stiffest under the largest load
 WORTH_IT = 3  # steps of the stiffest frame from which on it pays to give each frame its own number
+BESIDE = 3  # frames on either side that get the steps of a stiffer one: other values bring its states there
 ROUNDS = 4  # runs in which the steps that each frame needs are found
 
 
@@ -35,11 +37,13 @@ def compile_loop(
     stiffness: float = STIFFNESS,
     finer: int = 1,
     short: bool = False,
+    steps: NDArray[np.int64] | None = None,
 ) -> Compiled:
     """The loop as one CasADi step, for runs of `duration` s; values at the paths in `free` stay symbols.
 
     substeps: of a frame; None: so that no |λ| h is above `stiffness`. finer: by what these are multiplied. short: calls
-    as short as the grid allows, so that a run can begin anew between any two of them.
+    as short as the grid allows, so that a run can begin anew between any two of them. steps: of each frame, from which
+    the search for them begins: `by_frame` of a loop that goes nearly where this one goes.
     """
     model = physics(loop, free)
     numeric = physics(loop) if free else model
@@ -56,31 +60,33 @@ def compile_loop(
 
     needed = None
     if substeps is None and not model.layout.transports and bends(numeric):
-        needed = _needed(partial(made, numeric, short=True), timing, stiffness)
+        begun = steps if steps is not None and len(steps) == frames + 1 else None
+        needed = _needed(partial(made, numeric, short=True), replace(timing, by_frame=begun), stiffness)
     if needed is not None:
         uneven = needed.max() >= WORTH_IT
         timing = replace(timing, by_frame=needed) if uneven else replace(timing, substeps=int(needed.max()))
     elif substeps is None and stiffens(numeric):
         met = float(steps_needed(made(numeric, timing), SHORTLY * stiffness).max())
         timing = replace(timing, substeps=int(min(MOST, max(met, timing.substeps))))
-    return made(model, timing.finer(finer))
+    return replace(made(model, timing.finer(finer)), by_frame=timing.by_frame)
 
 
 def _needed(made: Callable[[Timing], Compiled], timing: Timing, stiffness: float) -> NDArray[np.int64] | None:
     """(frames + 1,) as many steps in every frame as a run that has them asks for; None where it diverges.
 
-    The first run has one step in every frame: too few where it is stiff, but it goes nearly there.
+    Where nothing is known the first run has one step in every frame: too few where it is stiff, but not far off.
     """
-    needed = np.ones(1)
+    needed = np.ones(1, dtype=np.int64) if timing.by_frame is None else timing.by_frame
     for _ in range(ROUNDS):
-        found = steps_needed(made(replace(timing, by_frame=needed.astype(np.int64))), stiffness)
-        if not np.isfinite(found).all():
+        met = steps_needed(made(replace(timing, by_frame=needed)), stiffness)
+        if not np.isfinite(met).all():
             return None
-        enough = bool((found <= needed).all())
-        needed = np.minimum(found if enough else np.maximum(found, needed), MOST)
-        if enough:
-            break
-    return needed.astype(np.int64)
+        met = np.minimum(met, MOST).astype(np.int64)
+        found = maximum_filter1d(met, 2 * BESIDE + 1)
+        if (met <= needed).all():
+            return found
+        needed = np.maximum(found, needed)
+    return needed
 
 
 def _wakes(model: Physics, stimuli: Mapping[str, Stimulus], frame: float) -> bool:

@@ -5,7 +5,6 @@ from collections.abc import Mapping, Sequence
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import maximum_filter1d
 
 from delaytools.loop.network import Network
 from delaytools.signals.expression import NUMPY
@@ -16,7 +15,6 @@ from delaytools.simulation.timing import fastest_at
 __all__ = ["steps_needed"]
 
 Array = NDArray[np.float64]
-BESIDE = 3  # frames on either side that get the steps of a stiffer one: other values bring its states there
 
 
 def steps_needed(compiled: Compiled, stiffness: float) -> Array:
@@ -40,7 +38,7 @@ def steps_needed(compiled: Compiled, stiffness: float) -> Array:
             fastest[near] = np.maximum(fastest[near], at_rest)
     met = np.zeros(compiled.frames + 1)
     np.maximum.at(met, np.minimum((time / compiled.frame + 1e-6).astype(int), compiled.frames), fastest)
-    return np.ceil(maximum_filter1d(met, 2 * BESIDE + 1) * compiled.frame / stiffness - 1e-9).clip(1.0)
+    return np.ceil(met * compiled.frame / stiffness - 1e-9).clip(1.0)
 
 
 def _begun(compiled: Compiled, count: int) -> Array:

@@ -36,7 +36,8 @@ KEPT = 12  # compiled steps kept at a time
 _STEP = 1e-3  # of a frame or of the value itself, whichever is larger: step of a difference
 BRIEF = 3000  # rows of a run that is over before long calls have paid for their making
 STIFF = 1.0  # |λ| h of a step: erred by 4e-6 to 6e-5 of a signal's rms, far below measured noise
-SETTLED = 1.5  # stiffness of friction may grow by this before a run gets more steps
+LAST = "last"
+SETTLED = 2.0  # stiffness of friction may grow by this before a run gets more steps
 
 
 def driven_by(
@@ -69,7 +70,7 @@ class Replay:
     free: paths whose values the runs take. Values that shape the grid of a run (delays, periods) cost a new
     compilation whenever they change; all others share one. begins: rows at which states (element, state) are set
     to values, in order; all others go on. substeps: of a frame; None: as many as the loop needs. finer: how many times
-    finer than usual its steps are to be.
+    finer than usual its steps are to be. steps: of each frame as last found, by this replay or another of the log.
     """
 
     loop: Loop
@@ -80,6 +81,7 @@ class Replay:
     begins: tuple[Begin, ...] = ()
     substeps: int | None = None
     finer: int = 1
+    steps: dict[str, NDArray[np.int64]] = field(default_factory=dict, repr=False)
     _compiled: dict[Any, Compiled] = field(default_factory=dict, repr=False)
     _parts: dict[Any, "Replay"] = field(default_factory=dict, repr=False)
 
@@ -226,11 +228,13 @@ class Replay:
             duration = self.frame * math.ceil(float(self.time[-1]) / self.frame - EVEN)
             if len(self._compiled) > KEPT:
                 self._compiled.clear()
-            self._compiled[key] = compile_loop(
+            compiled = self._compiled[key] = compile_loop(
                 framed, self.stimuli, duration=duration, free=self.free, substeps=self.substeps,
-                stiffness=STIFF, finer=self.finer,
+                stiffness=STIFF, finer=self.finer, steps=self.steps.get(LAST),
                 short=any(row for row, _ in self.begins) or len(self.time) < BRIEF,
             )  # fmt: skip
+            if compiled.by_frame is not None:
+                self.steps[LAST] = compiled.by_frame
         return self._compiled[key]
 
     def _key(self, path: str, number: float) -> Any:

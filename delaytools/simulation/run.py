@@ -27,13 +27,17 @@ ROWS_PER_DATA_CHUNK = 100  # building a map of calls that gather costs more than
 @final
 @dataclass(frozen=True)
 class Compiled:
-    """A loop ready to run for `frames` frames with the stimuli it was compiled for."""
+    """A loop ready to run for `frames` frames with the stimuli it was compiled for.
+
+    by_frame: (frames + 1,) steps of each frame, where they differ.
+    """
 
     model: Physics
     call: Call
     frames: int
     frame: float
     stimuli: Mapping[str, Stimulus]
+    by_frame: NDArray[np.int64] | None = None
     _sampled: dict[str, tuple[Stimulus, list[Array]]] = field(default_factory=dict, repr=False)
 
 
@@ -143,7 +147,8 @@ def mapped_rows(
     if FEW * (len(state) + data.shape[1]) < len(data) and call.once("affine", lambda: is_affine(call.function)):
         points = call.once(("points", function.name(), len(state)), lambda: side_by_side(_densely(function)))
         return affine_rows(points, state, driven, new)
-    most = ROWS_PER_CHUNK if call.copies else ROWS_PER_DATA_CHUNK
+    gathers = call.copies == 0 and call.inputs.model.layout.transports
+    most = ROWS_PER_DATA_CHUNK if gathers else ROWS_PER_CHUNK
     edges = sorted({0, len(data), *(one.call for one in new if one.call < len(data))})
     chunk = max(1, min(max(np.diff(edges)), most // call.rows))
     key = (function.name(), function.size1_in(0), chunk)

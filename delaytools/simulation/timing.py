@@ -74,12 +74,28 @@ def _substeps(model: Physics, stiffness: float) -> int:
 
 def fastest_at(model: Physics, points: Sequence[Array]) -> Array:
     """(points,) the largest |λ|, rad/s, at points without free values: per argument of the rates (points, size)."""
-    size = len(model.layout.states)
+    size, count = len(model.layout.states), len(points[0])
     around = [ca.SX.sym(f"a{i}", model.rates.size1_in(i)) for i in range(8)]
-    jacobian = ca.Function("jacobian", around, [ca.densify(ca.jacobian(model.rates(*around), around[0]))])
-    values = np.asarray(jacobian.map(len(points[0]))(*(ca.DM(rows.T) for rows in points)))
-    matrices = np.nan_to_num(values.reshape(size, -1, size).swapaxes(0, 1))
-    return np.asarray(np.abs(np.linalg.eigvals(matrices)).max(axis=1))
+    jacobian = ca.Function("jacobian", around, [ca.densify(ca.jacobian(model.rates(*around), around[0]).T)])
+    mapped, columns = jacobian.map(count), np.empty((count, size, size))
+    buffer, evaluate = mapped.buffer()
+    given = [np.ascontiguousarray(rows, dtype=float) for rows in points]
+    for place, rows in enumerate(given):
+        if rows.size:
+            buffer.set_arg(place, memoryview(rows))
+    buffer.set_res(0, memoryview(columns))
+    evaluate()
+    return _radius(np.nan_to_num(columns))
+
+
+def _radius(matrices: Array) -> Array:
+    """(n,) spectral radius of (n, k, k); where k = 2 by the roots of λ² - trace λ + determinant."""
+    if matrices.shape[1] != 2:
+        return np.asarray(np.abs(np.linalg.eigvals(matrices)).max(axis=1))
+    half = 0.5 * (matrices[:, 0, 0] + matrices[:, 1, 1])
+    determinant = matrices[:, 0, 0] * matrices[:, 1, 1] - matrices[:, 0, 1] * matrices[:, 1, 0]
+    root = np.sqrt((half**2 - determinant).astype(complex))
+    return np.asarray(np.maximum(np.abs(half + root), np.abs(half - root)))
 
 
 def stiffens(model: Physics) -> bool:
