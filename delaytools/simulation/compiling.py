@@ -16,13 +16,14 @@ from delaytools.simulation.physics import Physics, physics
 from delaytools.simulation.repeating import repeating_call
 from delaytools.simulation.run import Compiled
 from delaytools.simulation.schedule import Timing
-from delaytools.simulation.timing import MOST, STIFFNESS, bends, stiffens, timing_of
+from delaytools.simulation.timing import MOST, STIFFNESS, bends, moves_grid, stiffens, timing_of
 
 __all__ = ["compile_loop"]
 
 Array = NDArray[np.float64]
 SHORTLY = 2.0  # times the |λ| h elsewhere that a step may have where friction is stiffest under the largest load
-WORTH_IT = 3  # steps of the stiffest frame from which on it pays to give each frame its own number
+WORTH_IT = 2.5  # times the mean steps of a frame those of the stiffest: from here on each frame gets its own number
+ALIKE = 1.3  # times the steps that are needed: so many are kept, since runs on one grid differ by their values alone
 BESIDE = 3  # frames on either side that get the steps of a stiffer one: other values bring its states there
 ROUNDS = 4  # runs in which the steps that each frame needs are found
 
@@ -59,11 +60,11 @@ def compile_loop(
         return Compiled(model, call, frames, loop.frame, stimuli)
 
     needed = None
-    if substeps is None and not model.layout.transports and bends(numeric):
+    if substeps is None and not moves_grid(model) and bends(numeric):
         begun = steps if steps is not None and len(steps) == frames + 1 else None
         needed = _needed(partial(made, numeric, short=True), replace(timing, by_frame=begun), stiffness)
     if needed is not None:
-        uneven = needed.max() >= WORTH_IT
+        uneven = needed.max() >= WORTH_IT * needed.mean()
         timing = replace(timing, by_frame=needed) if uneven else replace(timing, substeps=int(needed.max()))
     elif substeps is None and stiffens(numeric):
         met = float(steps_needed(made(numeric, timing), SHORTLY * stiffness).max())
@@ -84,7 +85,7 @@ def _needed(made: Callable[[Timing], Compiled], timing: Timing, stiffness: float
         met = np.minimum(met, MOST).astype(np.int64)
         found = maximum_filter1d(met, 2 * BESIDE + 1)
         if (met <= needed).all():
-            return found
+            return needed if len(needed) == len(found) and needed.sum() <= ALIKE * found.sum() else found
         needed = np.maximum(found, needed)
     return needed
 

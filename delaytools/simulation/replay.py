@@ -113,27 +113,27 @@ class Replay:
 
     def run(self, values: tuple[float, ...] = ()) -> Array:
         """(n, signals): the signals at the rows, for these values of the free paths."""
-        compiled = self._prepared(values)
-        return self._rows(compiled, run(compiled, values, self._anew)[1])
+        compiled, chosen = self._ready(values)
+        return self._rows(compiled, run(compiled, chosen, self._anew)[1])
 
     def run_driven(self, values: tuple[float, ...], stimuli: Mapping[str, Stimulus]) -> Array:
         """The run with other stimuli in the place of some, of the same kind: nothing is compiled anew."""
-        compiled = self._prepared(values)
+        compiled, chosen = self._ready(values)
         driven = replace(compiled, stimuli={**compiled.stimuli, **stimuli})
-        return self._rows(compiled, run(driven, values, self._anew)[1])
+        return self._rows(compiled, run(driven, chosen, self._anew)[1])
 
     def starts(self, values: tuple[float, ...]) -> tuple[Key, ...]:
         """The continuous states (element, state) whose values at the beginning may be free."""
-        return self._prepared(values).model.layout.states
+        return self._ready(values)[0].model.layout.states
 
     def run_with_starts(self, values: tuple[float, ...]) -> tuple[Array, Array]:
         """(n, signals) and (n, signals, states): the signals and their derivatives by each of `starts`.
 
         By the state's value at the last row where the run begins anew with it, or at the first row.
         """
-        compiled = self._prepared(values)
+        compiled, chosen = self._ready(values)
         states = compiled.model.layout.states
-        _, rows, slopes = run_with_derivatives(compiled, values, anew=self._anew, starts=states, by_values=False)
+        _, rows, slopes = run_with_derivatives(compiled, chosen, anew=self._anew, starts=states, by_values=False)
         return self._rows(compiled, rows), self._rows(compiled, slopes)
 
     @cached_property
@@ -149,17 +149,15 @@ class Replay:
 
         CasADi's own derivatives of the compiled step; forward differences for values that shape the grid.
         """
-        shaping = [index for index, path in enumerate(self.free) if path in self._grid_paths]
-        smooth = [index for index in range(len(self.free)) if index not in shaping]
+        smooth = [index for index in range(len(self.free)) if index not in self._shaping]
         slopes = np.zeros((len(self.time), len(self.signals), len(self.free)))
         if smooth:
-            chosen = tuple(values[k] for k in smooth)
-            compiled = self._without_grid(values, shaping, smooth)._prepared(chosen)
+            compiled, chosen = self._ready(values)
             _, table, found = run_with_derivatives(compiled, chosen, anew=self._anew)
             rows, slopes[:, :, smooth] = self._rows(compiled, table), self._rows(compiled, found)
         else:
             rows = self.run(values)
-        for index in shaping:
+        for index in self._shaping:
             slopes[:, :, index] = self._difference(values, index, rows)
         return rows, slopes
 
@@ -219,6 +217,12 @@ class Replay:
         moved = self.run((*values[:index], values[index] + step, *values[index + 1 :]))
         return (moved - rows) / step
 
+    def _ready(self, values: tuple[float, ...]) -> tuple[Compiled, tuple[float, ...]]:
+        """The compiled loop, in which values that shape the grid are numbers, and those that are free in it."""
+        smooth = [index for index in range(len(self.free)) if index not in self._shaping]
+        chosen = tuple(values[index] for index in smooth)
+        return self._without_grid(values, self._shaping, smooth)._prepared(chosen), chosen
+
     def _prepared(self, values: tuple[float, ...]) -> Compiled:
         numbers = dict(zip(self.free, values, strict=True))
         key = tuple(self._key(path, number) for path, number in numbers.items())
@@ -238,21 +242,16 @@ class Replay:
         return self._compiled[key]
 
     def _key(self, path: str, number: float) -> Any:
-        if path in self._grid_paths:
-            return number
         if path in self._stiff_paths:
             return round(math.log(max(abs(number), 1e-300)) / math.log(SETTLED))
         return None
 
     @cached_property
-    def _grid_paths(self) -> frozenset[str]:
-        """Paths whose values say where a run's steps begin and end."""
-        shaping = [
-            element
-            for element in self.loop.elements
-            if isinstance(element.block, Transport | Sampled) or hasattr(element.block, "jumps")
-        ]
-        return frozenset(path for path in self.free for e in shaping if path.startswith(f"{e.path}."))
+    def _shaping(self) -> list[int]:
+        """Places of the free values that say where a run's steps begin and end."""
+        blocks = [(e.path, e.block) for e in self.loop.elements]
+        moving = [path for path, one in blocks if isinstance(one, Transport | Sampled) or hasattr(one, "jumps")]
+        return [k for k, path in enumerate(self.free) if any(path.startswith(f"{home}.") for home in moving)]
 
     @cached_property
     def _stiff_paths(self) -> frozenset[str]:
