@@ -1,8 +1,9 @@
 """A loop made ready to run: its formulas, its grid, and as many steps as its stiffness asks for."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
+from typing import final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +19,7 @@ from delaytools.simulation.run import Compiled
 from delaytools.simulation.schedule import Timing
 from delaytools.simulation.timing import MOST, STIFFNESS, bends, moves_grid, stiffens, timing_of
 
-__all__ = ["compile_loop"]
+__all__ = ["Pace", "compile_loop"]
 
 Array = NDArray[np.float64]
 SHORTLY = 2.0  # times the |λ| h elsewhere that a step may have where friction is stiffest under the largest load
@@ -28,6 +29,23 @@ BESIDE = 3  # frames on either side that get the steps of a stiffer one: other v
 ROUNDS = 4  # runs in which the steps that each frame needs are found
 
 
+@final
+@dataclass(frozen=True, eq=False)
+class Pace:
+    """How long steps are: so that no |λ| h is above `stiffness`, and `finer` times shorter than that.
+
+    by_frame: (frames + 1,) steps of each frame from which the search for them begins: those of a loop that goes nearly
+    where this one goes.
+    """
+
+    stiffness: float = STIFFNESS
+    finer: int = 1
+    by_frame: NDArray[np.int64] | None = None
+
+
+USUAL = Pace()
+
+
 def compile_loop(
     loop: Loop,
     stimuli: Mapping[str, Stimulus],
@@ -35,23 +53,20 @@ def compile_loop(
     duration: float,
     free: tuple[str, ...] = (),
     substeps: int | None = None,
-    stiffness: float = STIFFNESS,
-    finer: int = 1,
+    pace: Pace = USUAL,
     short: bool = False,
-    steps: NDArray[np.int64] | None = None,
 ) -> Compiled:
     """The loop as one CasADi step, for runs of `duration` s; values at the paths in `free` stay symbols.
 
-    substeps: of a frame; None: so that no |λ| h is above `stiffness`. finer: by what these are multiplied. short: calls
-    as short as the grid allows, so that a run can begin anew between any two of them. steps: of each frame, from which
-    the search for them begins: `by_frame` of a loop that goes nearly where this one goes.
+    substeps: of a frame; None: at this pace. short: calls as short as the grid allows, so that a run can begin anew
+    between any two of them.
     """
     model = physics(loop, free)
     numeric = physics(loop) if free else model
     jumps = {name: np.asarray(stimuli[name].jumps) for name in model.layout.externals if name in stimuli}
     delays = {name: column for name in model.layout.transports if (column := _column(model, name, stimuli))}
     wakes = _wakes(numeric, stimuli, loop.frame)
-    timing = timing_of(numeric, jumps, substeps=substeps, stiffness=stiffness, delays=delays, wakes=wakes)
+    timing = timing_of(numeric, jumps, substeps=substeps, stiffness=pace.stiffness, delays=delays, wakes=wakes)
     frames = round(duration / loop.frame)
 
     def made(model: Physics, timing: Timing, short: bool = short) -> Compiled:
@@ -61,15 +76,15 @@ def compile_loop(
 
     needed = None
     if substeps is None and not moves_grid(model) and bends(numeric):
-        begun = steps if steps is not None and len(steps) == frames + 1 else None
-        needed = _needed(partial(made, numeric, short=True), replace(timing, by_frame=begun), stiffness)
+        begun = pace.by_frame if pace.by_frame is not None and len(pace.by_frame) == frames + 1 else None
+        needed = _needed(partial(made, numeric, short=True), replace(timing, by_frame=begun), pace.stiffness)
     if needed is not None:
         uneven = needed.max() >= WORTH_IT * needed.mean()
         timing = replace(timing, by_frame=needed) if uneven else replace(timing, substeps=int(needed.max()))
     elif substeps is None and stiffens(numeric):
-        met = float(steps_needed(made(numeric, timing), SHORTLY * stiffness).max())
+        met = float(steps_needed(made(numeric, timing), SHORTLY * pace.stiffness).max())
         timing = replace(timing, substeps=int(min(MOST, max(met, timing.substeps))))
-    return replace(made(model, timing.finer(finer)), by_frame=timing.by_frame)
+    return replace(made(model, timing.finer(pace.finer)), by_frame=timing.by_frame)
 
 
 def _needed(made: Callable[[Timing], Compiled], timing: Timing, stiffness: float) -> NDArray[np.int64] | None:

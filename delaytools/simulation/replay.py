@@ -20,7 +20,7 @@ from delaytools.signals.record import Record
 from delaytools.signals.stimulus import Column, Stimulus
 from delaytools.signals.trouble import AnalysisError
 from delaytools.simulation.anew import Anew
-from delaytools.simulation.compiling import compile_loop
+from delaytools.simulation.compiling import Pace, compile_loop
 from delaytools.simulation.run import Compiled, run
 from delaytools.simulation.sensitivity import run_with_derivatives
 
@@ -234,7 +234,7 @@ class Replay:
                 self._compiled.clear()
             compiled = self._compiled[key] = compile_loop(
                 framed, self.stimuli, duration=duration, free=self.free, substeps=self.substeps,
-                stiffness=STIFF, finer=self.finer, steps=self.steps.get(LAST),
+                pace=Pace(STIFF, self.finer, self.steps.get(LAST)),
                 short=any(row for row, _ in self.begins) or len(self.time) < BRIEF,
             )  # fmt: skip
             if compiled.by_frame is not None:

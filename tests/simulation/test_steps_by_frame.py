@@ -7,7 +7,7 @@ from delaytools.effects.coulomb_friction import CoulombFrictionEffect
 from delaytools.effects.load_dependent_friction import LoadDependentFrictionEffect
 from delaytools.loop.loop import Loop
 from delaytools.signals.stimulus import Sine
-from delaytools.simulation.compiling import compile_loop
+from delaytools.simulation.compiling import Pace, compile_loop
 from delaytools.simulation.run import Compiled, run
 from delaytools.simulation.sensitivity import run_with_derivatives
 from tests.effects.servo import drive, placed
@@ -43,7 +43,7 @@ def test_few_steps_give_the_run_of_many(kind: str) -> None:
 
 @pytest.mark.parametrize("kind", RUBBING)
 def test_they_are_finer_where_that_is_asked_for(kind: str) -> None:
-    usual, finer = (compile_loop(rubbing(kind), STIMULI, duration=DURATION, finer=n) for n in (1, 4))
+    usual, finer = (compile_loop(rubbing(kind), STIMULI, duration=DURATION, pace=Pace(finer=n)) for n in (1, 4))
     assert spans(finer) == 4 * spans(usual)
     exact = run(compile_loop(rubbing(kind), STIMULI, duration=DURATION, substeps=200))[1]
     errors = [np.abs(run(one)[1] - exact).max() for one in (usual, finer)]
