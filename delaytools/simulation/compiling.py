@@ -34,12 +34,13 @@ ROUNDS = 4  # runs in which the steps that each frame needs are found
 class Pace:
     """How long steps are: so that no |λ| h is above `stiffness`, and `finer` times shorter than that.
 
-    by_frame: (frames + 1,) steps of each frame from which the search for them begins: those of a loop that goes nearly
-    where this one goes.
+    holding: times that |λ| h where each frame has its own number: what friction holds creeps. by_frame: (frames + 1,)
+    steps of each frame from which the search for them begins: those of a loop that goes nearly where this one goes.
     """
 
     stiffness: float = STIFFNESS
     finer: int = 1
+    holding: float = 1.0
     by_frame: NDArray[np.int64] | None = None
 
 
@@ -77,7 +78,8 @@ def compile_loop(
     needed = None
     if substeps is None and not moves_grid(model) and bends(numeric):
         begun = pace.by_frame if pace.by_frame is not None and len(pace.by_frame) == frames + 1 else None
-        needed = _needed(partial(made, numeric, short=True), replace(timing, by_frame=begun), pace.stiffness)
+        own = partial(made, numeric, short=True)
+        needed = _needed(own, replace(timing, by_frame=begun), pace.holding * pace.stiffness)
     if needed is not None:
         uneven = needed.max() >= WORTH_IT * needed.mean()
         timing = replace(timing, by_frame=needed) if uneven else replace(timing, substeps=int(needed.max()))

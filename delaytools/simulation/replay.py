@@ -36,6 +36,7 @@ KEPT = 12  # compiled steps kept at a time
 _STEP = 1e-3  # of a frame or of the value itself, whichever is larger: step of a difference
 BRIEF = 3000  # rows of a run that is over before long calls have paid for their making
 STIFF = 1.0  # |λ| h of a step: erred by 4e-6 to 6e-5 of a signal's rms, far below measured noise
+HOLDING = 1.5  # times that where friction holds, which settles up to 2.8: as many steps less, and χ² hardly knows it
 LAST = "last"
 SETTLED = 2.0  # stiffness of friction may grow by this before a run gets more steps
 
@@ -234,7 +235,7 @@ class Replay:
                 self._compiled.clear()
             compiled = self._compiled[key] = compile_loop(
                 framed, self.stimuli, duration=duration, free=self.free, substeps=self.substeps,
-                pace=Pace(STIFF, self.finer, self.steps.get(LAST)),
+                pace=Pace(STIFF, self.finer, HOLDING, self.steps.get(LAST)),
                 short=any(row for row, _ in self.begins) or len(self.time) < BRIEF,
             )  # fmt: skip
             if compiled.by_frame is not None:
