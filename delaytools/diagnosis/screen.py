@@ -1,8 +1,10 @@
 """Finite-amplitude profiles: what each candidate could take off the residual, other free values allowed for."""
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import pairwise
 from typing import final
 
 import numpy as np
@@ -14,7 +16,7 @@ from delaytools.diagnosis.added import FIRST_NUMBER, Added
 from delaytools.diagnosis.case import Case
 from delaytools.diagnosis.fitting import Fitted
 from delaytools.diagnosis.pushes import forces_on
-from delaytools.diagnosis.starts import LINEAR, Candidate
+from delaytools.diagnosis.starts import GRID, LINEAR, Candidate
 from delaytools.diagnosis.views import View, case_view
 from delaytools.diagnosis.wires import Way, change_at, own_way, way_of
 from delaytools.loop.port import find_port
@@ -24,6 +26,8 @@ __all__ = ["STRETCH", "Base", "Screened", "base_of", "response", "response_inste
 
 Array = NDArray[np.float64]
 STIFFEST = 10.0  # level over smoothing, in 1/row, beyond which friction is not resolved
+STEPWISE = ("period",)  # values that change nothing between rows
+CLOSER, HALVINGS = 0.1, 3  # of the best worth that is looked at more closely, and how often
 STRETCH = (0.4, 2.5)  # by which a grid point's response may be scaled when its gain is judged
 
 
@@ -141,8 +145,10 @@ def _simulated(base: Base, added: tuple[Added, ...], other: int | None = None) -
 
 def screened(base: Base, candidates: Iterable[Candidate]) -> list[Screened]:
     """Every candidate that takes something off, the most first."""
-    found = [best for one in candidates if (best := _best(base, one)) is not None]
-    return sorted(found, key=lambda s: -s.gain)
+    found = [(one, best) for one in candidates if (best := _best(base, one)) is not None]
+    least = CLOSER * max((best.gain for _, best in found), default=0.0)
+    nearer = (_between(base, one, best) if one.manner == GRID and best.gain > least else best for one, best in found)
+    return sorted(nearer, key=lambda s: -s.gain)
 
 
 def _best(base: Base, candidate: Candidate) -> Screened | None:
@@ -166,6 +172,25 @@ def _best_of(base: Base, tries: Sequence[Added]) -> Screened | None:
     look((top - 1, top + 1))
     top = max(gains, key=gains.__getitem__)
     return Screened(tries[top], gains[top]) if gains[top] > 0 else None
+
+
+def _between(base: Base, candidate: Candidate, best: Screened) -> Screened:
+    """The best of a grid moved to where most is taken off between its neighbours, by halving the ratios in turn.
+
+    What acts in a few rows only, as a limit does, is worth much in a range far narrower than any grid.
+    """
+    (name,) = best.added.values
+    if name in STEPWISE:
+        return best
+    grid = sorted(one.values[name] for one in candidate.tries)
+    place = grid.index(best.added.values[name])
+    ratio = max((b / a for a, b in pairwise(grid[max(place - 1, 0) : place + 2])), default=1.0)
+    for _ in range(HALVINGS):
+        ratio, middle = math.sqrt(ratio), best.added.values[name]
+        for value in (middle / ratio, middle * ratio):
+            moved = best.added.moved({name: value})
+            best = max(best, Screened(moved, _taken_off(base, moved, *STRETCH)[0]), key=lambda one: one.gain)
+    return best
 
 
 def _not_too_stiff(one: Added, narrowest: float) -> Added:

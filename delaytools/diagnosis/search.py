@@ -170,10 +170,21 @@ def _step(case: Case, fitted: Fitted, carried: Carried) -> tuple[Fitted | None, 
     constant = _fits(rough, base, plain)
     swung = [(a, np.inf) for one in constant for a in richer(rough, one, least=WORTH_MORE * one.chi2)]
     tried = sorted(_best_of_each([*tried, *constant, *_fits(rough, base, swung)]), key=_cost)
-    best = tried[0] = sharpened_again(rough, tried[0])
-    seen = case.whitened_by(noise_of(case, best, carried))
-    again = _shown_first(seen, _again(seen, tried, best))
+    seen, again = _seen_through_the_best(case, rough, tried, carried)
+    most = len(again[0].added)
+    if most == len(base.added) + 2 and any(_spared(seen, again[0], most - k, carried) for k in (1, 2)):
+        plainest = [one for one in tried if len(one.added) < most]
+        seen, again = _seen_through_the_best(case, rough, plainest, carried)
     return again[0], again[1:], seen
+
+
+def _seen_through_the_best(
+    case: Case, rough: Case, tried: list[Fitted], carried: Carried
+) -> tuple[Case, list[Fitted]]:
+    """The case seen through the noise that the best of these hypotheses leaves, and they fitted again, cheapest first."""
+    best = sharpened_again(rough, tried[0])
+    seen = case.whitened_by(noise_of(case, best, carried))
+    return seen, _shown_first(seen, _again(seen, [best, *tried[1:]], best))
 
 
 def _shown_first(case: Case, tried: list[Fitted]) -> list[Fitted]:
@@ -352,13 +363,19 @@ def _pruned(
     """Effects that are no longer worth their values are taken out again."""
     place = 0
     while place < len(fitted.added) and len(fitted.added) > 1:
-        rest = tuple(one for k, one in enumerate(fitted.added) if k != place)
-        without = _refit(case, replace(fitted, added=rest))
-        last = fit_hypothesis(case, (*rest, fitted.added[place]), near=fitted)
-        if without is None or _worthwhile(case, without, last, carried):
+        without = _spared(case, fitted, place, carried)
+        if without is None:
             place += 1
             continue
         case, fitted = _rewhitened(case, without, carried)
         rivals = [r for k, r in enumerate(rivals) if k != place]
         place = 0
     return case, fitted, rivals
+
+
+def _spared(case: Case, fitted: Fitted, place: int, carried: Carried) -> Fitted | None:
+    """The hypothesis without one of its effects, where that is not worth its values beside the others; else None."""
+    rest = tuple(one for k, one in enumerate(fitted.added) if k != place)
+    without = _refit(case, replace(fitted, added=rest))
+    last = fit_hypothesis(case, (*rest, fitted.added[place]), near=fitted)
+    return None if without is None or _worthwhile(case, without, last, carried) else without

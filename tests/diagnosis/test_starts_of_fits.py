@@ -5,19 +5,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from delaytools.diagnosis import search as room
 from delaytools.diagnosis.added import Added
 from delaytools.diagnosis.joint_start import making_room
-from delaytools.diagnosis.noise_of import Carried
+from delaytools.diagnosis.noise_of import Carried, noise_of
 from delaytools.diagnosis.places import spots
 from delaytools.diagnosis.proposals import shortlisted
 from delaytools.diagnosis.screen import Screened, base_of, screened
-from delaytools.diagnosis.search import FINEST, RESOLVED, _resolved, _shown_first
+from delaytools.diagnosis.search import FINEST, RESOLVED, _resolved, _shown_first, search
 from delaytools.diagnosis.segment_report import _imitated
 from delaytools.diagnosis.starts import candidates
 from delaytools.diagnosis.swings import swings
 from delaytools.diagnosis.upgrades import richer
 from delaytools.signals.stimulus import Column, Multisine
-from tests.diagnosis.small_cases import ACTUATOR, DRIVE, SLIDE, fitted, planted
+from tests.diagnosis.small_cases import ACTUATOR, DRIVE, NOISE, SLIDE, fitted, planted
 
 WAVE = Multisine(amplitude=3.0, from_frequency=0.3, to_frequency=6.0, lines=25)
 
@@ -137,3 +138,26 @@ def test_friction_is_tried_along_either_motion() -> None:
     (found,) = (s for s in screened(base, candidates(base.view, spots(case.segment))) if s.added.key == rub.key)
     along = base.moved_by(rub)
     assert along is not None and found.gain > base.gain(case.whitened(along))[0]
+
+
+def test_a_limit_that_few_rows_reach_is_found_between_the_points_of_its_grid() -> None:
+    time = np.arange(0.0, 6.0005, 1e-3)
+    command = WAVE.value(time)
+    limit = 0.845 * float(np.abs(command).max())
+    clipped = Added("saturation", "act.input", {"limit": limit})
+    case = planted(ACTUATOR, (clipped,), Column(time=time, values=command, held=True), noise=1e-4)
+    case = case.whitened_by(noise_of(case, fitted(case), Carried({})))
+    base = base_of(case, fitted(case))
+    (found,) = (s for s in screened(base, candidates(base.view, spots(case.segment))) if s.added.key == clipped.key)
+    assert found.added.values["limit"] == pytest.approx(limit, rel=0.015)
+
+
+def test_of_a_pair_only_what_is_worth_its_values_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    time = np.arange(0.0, 6.0005, 1e-3)
+    command = Column(time=time, values=np.random.default_rng(5).standard_normal(len(time)), held=True)
+    rounded = Added("quantization", "act.input", {"step": 1.5}, {}, frozenset({"step"}))
+    leak = Added("cross_coupling", "act.output", {"gain": 0.2 * NOISE}, {"source": "u"})
+    case = planted(ACTUATOR, (rounded, leak), command)
+    assert fitted(case, rounded, leak).chi2 < fitted(case, rounded).chi2 - 60
+    monkeypatch.setattr(room, "pairs", lambda *known, **least: [((rounded, leak), np.inf)])
+    assert [one.kind for one in search(case, Carried({})).fitted.added] == ["quantization"]
