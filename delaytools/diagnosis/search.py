@@ -181,7 +181,7 @@ def _step(case: Case, fitted: Fitted, carried: Carried) -> tuple[Fitted | None, 
 def _seen_through_the_best(
     case: Case, rough: Case, tried: list[Fitted], carried: Carried
 ) -> tuple[Case, list[Fitted]]:
-    """The case seen through the noise that the best of these hypotheses leaves, and they fitted again, cheapest first."""
+    """The case seen through the noise that the best of these leaves, and they fitted again, cheapest first."""
     best = sharpened_again(rough, tried[0])
     seen = case.whitened_by(noise_of(case, best, carried))
     return seen, _shown_first(seen, _again(seen, [best, *tried[1:]], best))
