@@ -268,7 +268,9 @@ class Case:
         return cut if (cut != rows).mean() < FEW_ODD else rows
 
     def unfiltered(self, rows: Array, log: int) -> Array:
-        """(n, exits): the adjoint of the filters on the rows (rows,) of one log, which are in one piece."""
+        """(n, exits): the adjoint of `whitened` on the rows (rows,) of one log, which are in one piece."""
+        basis = self._nuisance_basis
+        rows = rows - basis @ (basis.T @ rows) if basis.shape[1] else rows
         chosen = [rows[(self.rows.log == log) & (self.rows.exit == j)] for j in range(len(self.exits))]
         return np.stack([f.apply(part[::-1])[::-1] for f, part in zip(self.whitening, chosen, strict=True)], axis=1)
 

@@ -7,8 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delaytools.diagnosis.added import Added
+from delaytools.diagnosis.edges import edge_near
 from delaytools.diagnosis.places import Spot
 from delaytools.diagnosis.screen import Base, Screened, response
+from delaytools.diagnosis.wires import Way
 
 __all__ = ["transients", "with_edges_fitted"]
 
@@ -16,6 +18,7 @@ Array = NDArray[np.float64]
 SMALL = 0.02
 FIRST_MOVE, LAST_MOVE = 4.0, 0.02  # cells
 SPIKES = 7
+TURNS = 5  # in which start and end are sought by rows
 SURELY = 12.0  # χ² by which a place of an edge is worse than the best: surely not there
 FARTHEST, PLACES = 1.0, 25  # s from the best place, and places between there and here that are looked at
 CELLS = 400  # stretches of time between which the edges of a transient are sought
@@ -54,17 +57,41 @@ def _best_stretch(base: Base, change: Array) -> tuple[float, float, float, float
 
 
 def with_edges_fitted(base: Base, one: Added) -> Screened:
-    """The transient with start and end moved to where most is taken off; its factor scaled to fit.
-
-    A pattern search from four cells down to a fiftieth of one: the cost has kinks where an edge crosses a row.
-    """
-    width = base.case.duration / CELLS
+    """The transient with start and end moved to where most is taken off; its factor scaled to fit."""
     edges = np.array([one.values["start"], one.values["end"]])
     starts = [edges, *_between_spikes(base)]
     gains = [_taken_off(base, one, place) for place in starts]
     best, edges = max(gains), starts[int(np.argmax(gains))]
-    step = FIRST_MOVE * width
-    while step > LAST_MOVE * width:
+    way = base.way(one.at)
+    if way is not None and way.is_quick:
+        start, end = _by_rows(base, way, one, edges)
+    else:
+        edges = _pattern_search(base, one, (best, edges))
+        start, end = (_centred(base, one, edges, side) for side in (0, 1))
+    moved = one.moved({"start": max(start[0], 0.0), "end": end[0]})
+    change = response(base, moved)
+    gain, scale = (0.0, 1.0) if change is None else base.gain(change)
+    found = moved.moved({"factor": 1 + scale * (one.values["factor"] - 1)})
+    return Screened(replace(found, errors={"start": start[1], "end": end[1]}), gain)
+
+
+def _by_rows(base: Base, way: Way, one: Added, edges: Array) -> list[tuple[float, float]]:
+    """Start and end, each with its standard error: in turn by every row near it, until neither moves."""
+    names, found = ("start", "end"), [(float(edge), 0.0) for edge in edges]
+    for _ in range(TURNS):
+        before = [place for place, _ in found]
+        for side in (0, 1):
+            here = one.moved(dict(zip(names, (place for place, _ in found), strict=True)))
+            found[side] = edge_near(base, way, here, side) or found[side]
+        if max(abs(place - old) for (place, _), old in zip(found, before, strict=True)) < 0.5 * base.case.step:
+            break
+    return found
+
+
+def _pattern_search(base: Base, one: Added, begin: tuple[float, Array]) -> Array:
+    """The best edges from four cells down to a fiftieth of one: the cost has kinks where an edge crosses a row."""
+    (best, edges), step = begin, FIRST_MOVE * base.case.duration / CELLS
+    while step > LAST_MOVE * base.case.duration / CELLS:
         moves = [edges + step * np.array(move) for move in ((1, 0), (-1, 0), (0, 1), (0, -1))]
         tried = [(_taken_off(base, one, place), place) for place in moves]
         top, place = max(tried, key=lambda pair: pair[0])
@@ -72,12 +99,7 @@ def with_edges_fitted(base: Base, one: Added) -> Screened:
             best, edges = top, place
         else:
             step /= 2
-    centred, errors = zip(*(_centred(base, one, edges, side) for side in (0, 1)), strict=True)
-    moved = one.moved({"start": float(max(centred[0], 0.0)), "end": float(centred[1])})
-    change = response(base, moved)
-    gain, scale = (0.0, 1.0) if change is None else base.gain(change)
-    found = moved.moved({"factor": 1 + scale * (one.values["factor"] - 1)})
-    return Screened(replace(found, errors={"start": errors[0], "end": errors[1]}), gain)
+    return edges
 
 
 def _centred(base: Base, one: Added, edges: Array, side: int) -> tuple[float, float]:

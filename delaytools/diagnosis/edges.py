@@ -1,0 +1,115 @@
+"""Where an edge of a window of gain lies: χ² for every row near it, and what that leaves open.
+
+An edge in noise is no value with a derivative: χ² has a peak as narrow as a row where the jump shows by itself, and
+wide uneven hills where only the stretch beside it tells (Hinkley 1970). So every row is looked at, all at the cost
+of a few responses, and the error is the spread under exp(χ²/2).
+"""
+
+from dataclasses import dataclass
+from typing import final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from delaytools.diagnosis.added import Added
+from delaytools.diagnosis.screen import Base, response
+from delaytools.diagnosis.wires import Way, change_at, own_way
+
+__all__ = ["edge_near"]
+
+Array = NDArray[np.float64]
+SMALL = 0.02
+FARTHEST = 1.0  # s from the place where it was taken to be
+AS_GOOD = 4.0  # χ² by which the middle of the places may be worse than the best
+
+
+def edge_near(base: Base, way: Way, one: Added, side: int) -> tuple[float, float] | None:
+    """Where the start (side 0) or end (side 1) of a window of gain lies, and its standard error (s), by every row near
+    the one that it has; None where a window changes nothing. The way is one that can be convolved."""
+    step, edges = base.case.step, (one.values["start"], one.values["end"])
+    first, last = (int(np.ceil(edge / step - 1e-6)) for edge in edges)  # first row inside, first row behind
+    window = one.moved({"factor": 1 + SMALL, "start": (first - 0.5) * step, "end": (last - 0.5) * step})
+    change, row = response(base, window), (first, last)[side]
+    if change is None or not np.any(change):
+        return None
+    outwards = int(FARTHEST / step)
+    inwards = min(outwards, (last - first) // 2)
+    back, on = (inwards, outwards) if side else (outwards, inwards)
+    shifts = np.arange(-min(back, row), max(min(on, max(map(len, base.case.records)) - row), 0) + 1)
+    gains = _gains(base, way, (base.projected(change), 2 * side - 1), (row, shifts))
+    return _placed((row + shifts - 0.5) * step, gains, step)
+
+
+def _placed(places: Array, gains: Array, step: float) -> tuple[float, float]:
+    """The middle of where the edge may lie, or the best place where the middle is clearly worse; and the spread."""
+    best = int(np.argmax(gains))
+    weights = np.exp(0.5 * (gains - gains[best]))
+    weights /= weights.sum()
+    middle = float(weights @ places)
+    place = middle if np.interp(middle, places, gains) > gains[best] - AS_GOOD else float(places[best])
+    return max(place, 0.0), float(np.sqrt(weights @ (places - place) ** 2 + step**2 / 12))
+
+
+def _gains(base: Base, way: Way, window: tuple[Array, int], rows: tuple[int, Array]) -> Array:
+    """(shifts,): χ² that the window takes off at its best scale, an edge moved by so many rows.
+
+    window: its whitened change, what free values do projected out, and 1 where a later edge makes it longer, else -1.
+    rows: of the edge, and its shifts. c = r·(w ± d), p = |w ± d|², d the change of the rows between; c²/p.
+    """
+    (own, sign), (row, shifts) = window, rows
+    between = _Between(_at_port(base, way), row, shifts)
+    along = float(own @ base.residual) + sign * between.summed(way.weights(base.residual))
+    power = float(own @ own) + 2 * sign * between.summed(way.weights(own)) + _power(base, way, between)
+    return np.where(power > 0, along**2 / np.maximum(power, 1e-300), 0.0)
+
+
+def _power(base: Base, way: Way, between: "_Between") -> Array:
+    """(shifts,): χ² of the rows between the edge and its shifted place, what free values can do left out."""
+    pulse = tuple(np.zeros(len(rows)) for rows in between.signals)
+    for one in pulse:
+        one[min(between.row, len(one) - 1)] = 1.0
+    answer = way.convolved(pulse)
+    assert answer is not None
+    found = between.squared(way.weights(base.case.whitened(answer)))
+    for column in base.basis.T:
+        found -= between.summed(way.weights(column)) ** 2
+    return np.maximum(found, 0.0)
+
+
+def _at_port(base: Base, way: Way) -> tuple[Array, ...]:
+    """Per log (n,): what a window of gain changes at each row of its wire."""
+    element = own_way(base.view, Added("scale_factor", str(way.port), {"factor": 1 + SMALL}))
+    changes = None if element is None else change_at(base.view, way.port, element)
+    assert changes is not None
+    return tuple(way.read(rows) for rows in changes)
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class _Between:
+    """The rows between an edge and its shifted places; signals: per log (n,) what changes at the port."""
+
+    signals: tuple[Array, ...]
+    row: int
+    shifts: Array
+
+    def summed(self, weights: tuple[Array, ...]) -> Array:
+        """(shifts,): Σ of weights (n,) times the change over the rows between, negative for an earlier place."""
+        found = np.zeros(len(self.shifts))
+        for u, w in zip(self.signals, weights, strict=True):
+            sums = np.concatenate([[0.0], np.cumsum(u * w)])
+            places = np.minimum(self.row + self.shifts, len(u))
+            found += sums[places] - sums[min(self.row, len(u))]
+        return found
+
+    def squared(self, weights: tuple[Array, ...]) -> Array:
+        """(shifts,): Σ u_i u_k g(|i - k|) over the rows between; g: how pulses go together, from the edge's row on."""
+        found = np.zeros(len(self.shifts))
+        for u, w in zip(self.signals, weights, strict=True):
+            row = min(self.row, len(u) - 1)
+            for way, part in ((-1, u[row + self.shifts[0] : row][::-1]), (1, u[row : row + self.shifts[-1]])):
+                lags = np.concatenate([w[row : row + len(part)], np.zeros(max(len(part) - len(w) + row, 0))])
+                grown = np.cumsum(part * (2 * np.convolve(part, lags)[: len(part)] - lags[:1] * part))
+                here = np.flatnonzero(way * self.shifts > 0)
+                found[here] += grown[np.minimum(np.abs(self.shifts[here]), len(part)) - 1] if len(part) else 0.0
+        return found

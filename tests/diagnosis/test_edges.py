@@ -1,0 +1,73 @@
+"""Where the edges of a window of gain lie, and how sure that is."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from delaytools.diagnosis.added import Added
+from delaytools.diagnosis.case import Case
+from delaytools.diagnosis.edges import _gains
+from delaytools.diagnosis.fitting import Fitted
+from delaytools.diagnosis.noise_of import Carried, noise_of
+from delaytools.diagnosis.places import spots
+from delaytools.diagnosis.screen import Base, base_of, response
+from delaytools.diagnosis.windows import transients, with_edges_fitted
+from delaytools.signals.parameter import Parameter
+from delaytools.signals.stimulus import Multisine
+from tests.diagnosis.small_cases import ACTUATOR, NOISE, fitted, planted
+
+WAVE = Multisine(amplitude=3.0, from_frequency=0.3, to_frequency=6.0, lines=25)
+SEEDS = 10
+
+
+def window(port: str, factor: float) -> Added:
+    values = {"factor": factor, "start": 2.0, "end": 3.5}
+    return Added("transient_gain", port, values, {}, frozenset({"start", "end"}))
+
+
+PLANTED = (window("act.output", 1.02),)
+
+
+def with_noise(clean: Case, seed: int, *, slow: float = 0.0) -> Base:
+    """The case with noise of a seed; slow: its correlation from row to row, which lets a jump show by itself."""
+    rows = np.random.default_rng(seed).standard_normal(clean.measured[0].shape)
+    noise = NOISE * np.sqrt(1 - slow**2) * lfilter([1.0], [1.0, -slow], rows, axis=0)
+    case = replace(clean, measured=(clean.measured[0] + noise,), _replays={})
+    known = Fitted(PLANTED, case.parameters(PLANTED), np.zeros(0), np.zeros((0, 3)))
+    case = case.whitened_by(noise_of(case, known, Carried({})))
+    return base_of(case, fitted(case))
+
+
+@pytest.mark.parametrize("port", ["act.input", "act.output"])
+@pytest.mark.parametrize("side", [0, 1])
+def test_what_a_row_is_worth_is_what_a_run_says(port: str, side: int) -> None:
+    free = (Parameter("act.damping", 0.6, low=0.3, high=0.9),)
+    base = with_noise(replace(planted(ACTUATOR, (window(port, 1.1),), WAVE), tolerated=free), 1)
+    way, shifts = base.way(port), np.arange(-400, 401)
+    change = response(base, window(port, 1.02).moved({"start": 1.9995, "end": 3.4995}))
+    assert way is not None and change is not None and base.basis.shape[1] == 1
+    found = _gains(base, way, (base.projected(change), 2 * side - 1), ((2000, 3500)[side], shifts))
+    for place in (0, 250, 399, 401, 600, 800):
+        name, row = ("start", "end")[side], (2000, 3500)[side] + shifts[place]
+        moved = response(base, window(port, 1.02).moved({"start": 1.9995, "end": 3.4995} | {name: (row - 0.5) * 1e-3}))
+        assert moved is not None and found[place] == pytest.approx(base.gain(moved)[0], rel=1e-4)
+
+
+def test_edges_of_a_weak_window_are_as_sure_as_is_said() -> None:
+    clean, off = planted(ACTUATOR, PLANTED, WAVE, noise=1e-9), []
+    for seed in range(SEEDS):
+        base = with_noise(clean, seed)
+        (coarse,) = (s.added for s in transients(base, spots(clean.segment)) if s.added.at == "act.output")
+        one = with_edges_fitted(base, coarse).added
+        off += [(one.values[name] - true) / one.errors[name] for name, true in (("start", 2.0), ("end", 3.5))]
+    assert 0.6 < np.sqrt(np.mean(np.square(off))) < 1.4
+
+
+def test_a_row_where_the_jump_itself_shows_is_found_from_afar() -> None:
+    """Between it and where a search begins lie hills that are nearly as high."""
+    base = with_noise(planted(ACTUATOR, PLANTED, WAVE, noise=1e-9), 1, slow=0.95)
+    found = with_edges_fitted(base, PLANTED[0].moved({"start": 2.3, "end": 3.1})).added
+    for name, true in (("start", 2.0), ("end", 3.5)):
+        assert found.values[name] == pytest.approx(true, abs=2e-3) and found.errors[name] < 2e-3
