@@ -108,8 +108,10 @@ class _Between:
         for u, w in zip(self.signals, weights, strict=True):
             row = min(self.row, len(u) - 1)
             for way, part in ((-1, u[row + self.shifts[0] : row][::-1]), (1, u[row : row + self.shifts[-1]])):
+                if not len(part):
+                    continue
                 lags = np.concatenate([w[row : row + len(part)], np.zeros(max(len(part) - len(w) + row, 0))])
                 grown = np.cumsum(part * (2 * np.convolve(part, lags)[: len(part)] - lags[:1] * part))
                 here = np.flatnonzero(way * self.shifts > 0)
-                found[here] += grown[np.minimum(np.abs(self.shifts[here]), len(part)) - 1] if len(part) else 0.0
+                found[here] += grown[np.minimum(np.abs(self.shifts[here]), len(part)) - 1]
         return found

@@ -26,6 +26,7 @@ SHORTLY = 2.0  # times the |λ| h elsewhere that a step may have where friction 
 WORTH_IT = 2.5  # times the mean steps of a frame those of the stiffest: from here on each frame gets its own number
 ALIKE = 1.3  # times the steps that are needed: so many are kept, since runs on one grid differ by their values alone
 BESIDE = 3  # frames on either side that get the steps of a stiffer one: other values bring its states there
+MANY = 20  # mean steps of a frame that are too many to be counted frame by frame
 ROUNDS = 4  # runs in which the steps that each frame needs are found
 
 
@@ -90,14 +91,16 @@ def compile_loop(
 
 
 def _needed(made: Callable[[Timing], Compiled], timing: Timing, stiffness: float) -> NDArray[np.int64] | None:
-    """(frames + 1,) as many steps in every frame as a run that has them asks for; None where it diverges.
+    """(frames + 1,) as many steps in every frame as a run that has them asks for.
+
+    None where it diverges, and where delays would carry along the history of many steps in most frames.
 
     Where nothing is known the first run has one step in every frame: too few where it is stiff, but not far off.
     """
     needed = np.ones(1, dtype=np.int64) if timing.by_frame is None else timing.by_frame
     for _ in range(ROUNDS):
         met = steps_needed(made(replace(timing, by_frame=needed)), stiffness)
-        if not np.isfinite(met).all():
+        if not np.isfinite(met).all() or (timing.delays and met.mean() > MANY):
             return None
         met = np.minimum(met, MOST).astype(np.int64)
         found = maximum_filter1d(met, 2 * BESIDE + 1)

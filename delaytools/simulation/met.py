@@ -52,10 +52,10 @@ def _walked(compiled: Compiled) -> tuple[Array, dict[str, Array]]:
     call, first = compiled.call, np.asarray(initial_state(compiled, ())).ravel()
     arguments, signals = call.function.mx_in(), compiled.model.layout.signals
     after, rows = call.function.call(arguments)
-    walk = ca.Function("walk", arguments, [after, ca.vertcat(after, rows[: len(signals)])])
+    size = len(compiled.model.layout.states)
+    walk = ca.Function("walk", arguments, [after, ca.vertcat(after[:size], rows[: len(signals)])])
     table = mapped_rows(call, walk, first, (prepared_data(compiled), np.zeros(0)))
-    states = np.vstack([first, table[:-1, : len(first)]])[:, : len(compiled.model.layout.states)]
-    return states, dict(zip(signals, table[:, len(first) :].T, strict=True))
+    return np.vstack([first[:size], table[:-1, :size]]), dict(zip(signals, table[:, size:].T, strict=True))
 
 
 def _points(compiled: Compiled, states: Array, rows: Mapping[str, Array], time: Array) -> list[Array]:

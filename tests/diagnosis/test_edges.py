@@ -8,7 +8,7 @@ from scipy.signal import lfilter
 
 from delaytools.diagnosis.added import Added
 from delaytools.diagnosis.case import Case
-from delaytools.diagnosis.edges import _gains
+from delaytools.diagnosis.edges import _gains, edge_near
 from delaytools.diagnosis.fitting import Fitted
 from delaytools.diagnosis.noise_of import Carried, noise_of
 from delaytools.diagnosis.places import spots
@@ -71,3 +71,11 @@ def test_a_row_where_the_jump_itself_shows_is_found_from_afar() -> None:
     found = with_edges_fitted(base, PLANTED[0].moved({"start": 2.3, "end": 3.1})).added
     for name, true in (("start", 2.0), ("end", 3.5)):
         assert found.values[name] == pytest.approx(true, abs=2e-3) and found.errors[name] < 2e-3
+
+
+def test_a_window_that_begins_with_the_first_row_has_an_end() -> None:
+    base = with_noise(planted(ACTUATOR, (window("act.output", 1.1).moved({"start": 0.0}),), WAVE, noise=1e-9), 1)
+    way, one = base.way("act.output"), window("act.output", 1.1).moved({"start": 0.0})
+    assert way is not None and edge_near(base, way, one, 0) is not None
+    end = edge_near(base, way, one, 1)
+    assert end is not None and end[0] == pytest.approx(3.5, abs=0.1)
