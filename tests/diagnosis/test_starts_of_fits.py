@@ -7,6 +7,7 @@ import pytest
 
 from delaytools.diagnosis import search as room
 from delaytools.diagnosis.added import Added
+from delaytools.diagnosis.fitting import fit_hypothesis
 from delaytools.diagnosis.joint_start import making_room
 from delaytools.diagnosis.noise_of import Carried, noise_of
 from delaytools.diagnosis.places import spots
@@ -68,6 +69,14 @@ def test_a_fit_past_its_deadline_ends_where_it_stands() -> None:
     assert ended.is_settled and ended.values == pytest.approx([20e-3], rel=0.02)
     begun = case.residual(case.outputs((far,), (2e-3,)))
     assert not stopped.is_settled and 2 * ended.chi2 < stopped.chi2 < float(begun @ begun)
+
+
+def test_a_fit_says_what_one_more_step_would_take_off() -> None:
+    offset = Added("scale_factor", "act.output", {"factor": 1.2})
+    case = planted(ACTUATOR, (offset,), WAVE)
+    ended, begun = fitted(case, offset), fit_hypothesis(case, (offset.moved({"factor": 1.1}),), evaluations=1)
+    assert begun.chi2 > 10 * ended.chi2
+    assert begun.falling == pytest.approx(begun.chi2 - ended.chi2, rel=1e-6) and ended.falling < 1e-3
 
 
 def test_runs_get_finer_steps_until_their_error_is_less_than_chance() -> None:
