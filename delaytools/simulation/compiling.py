@@ -17,7 +17,7 @@ from delaytools.simulation.physics import Physics, physics
 from delaytools.simulation.repeating import repeating_call
 from delaytools.simulation.run import Compiled
 from delaytools.simulation.schedule import Timing
-from delaytools.simulation.timing import MOST, STIFFNESS, bends, moves_grid, stiffens, timing_of
+from delaytools.simulation.timing import MOST, STIFFNESS, bends, stiffens, timing_of
 
 __all__ = ["Pace", "compile_loop"]
 
@@ -26,7 +26,6 @@ SHORTLY = 2.0  # times the |λ| h elsewhere that a step may have where friction 
 WORTH_IT = 2.5  # times the mean steps of a frame those of the stiffest: from here on each frame gets its own number
 ALIKE = 1.3  # times the steps that are needed: so many are kept, since runs on one grid differ by their values alone
 BESIDE = 3  # frames on either side that get the steps of a stiffer one: other values bring its states there
-MANY = 20  # mean steps of a frame that are too many to be counted frame by frame
 ROUNDS = 4  # runs in which the steps that each frame needs are found
 
 
@@ -76,8 +75,8 @@ def compile_loop(
         call = repeating_call(model, timing, short=short) or data_call(model, timing, end, short=short)
         return Compiled(model, call, frames, loop.frame, stimuli)
 
-    needed = None
-    if substeps is None and not moves_grid(model) and bends(numeric):
+    needed = None  # delays would carry along the history of all steps
+    if substeps is None and not model.layout.transports and bends(numeric):
         begun = pace.by_frame if pace.by_frame is not None and len(pace.by_frame) == frames + 1 else None
         own = partial(made, numeric, short=True)
         needed = _needed(own, replace(timing, by_frame=begun), pace.holding * pace.stiffness)
@@ -91,16 +90,14 @@ def compile_loop(
 
 
 def _needed(made: Callable[[Timing], Compiled], timing: Timing, stiffness: float) -> NDArray[np.int64] | None:
-    """(frames + 1,) as many steps in every frame as a run that has them asks for.
-
-    None where it diverges, and where delays would carry along the history of many steps in most frames.
+    """(frames + 1,) as many steps in every frame as a run that has them asks for; None where it diverges.
 
     Where nothing is known the first run has one step in every frame: too few where it is stiff, but not far off.
     """
     needed = np.ones(1, dtype=np.int64) if timing.by_frame is None else timing.by_frame
     for _ in range(ROUNDS):
         met = steps_needed(made(replace(timing, by_frame=needed)), stiffness)
-        if not np.isfinite(met).all() or (timing.delays and met.mean() > MANY):
+        if not np.isfinite(met).all():
             return None
         met = np.minimum(met, MOST).astype(np.int64)
         found = maximum_filter1d(met, 2 * BESIDE + 1)

@@ -12,7 +12,7 @@ from delaytools.blocks.block import Sampled, Transport
 from delaytools.simulation.physics import Physics
 from delaytools.simulation.schedule import Arrival, Timing
 
-__all__ = ["MOST", "STIFFNESS", "bends", "fastest_at", "moves_grid", "stiffens", "timing_of"]
+__all__ = ["MOST", "STIFFNESS", "bends", "fastest_at", "stiffens", "timing_of"]
 
 Array = NDArray[np.float64]
 MOST = 100  # steps per frame
@@ -96,12 +96,6 @@ def _radius(matrices: Array) -> Array:
     determinant = matrices[:, 0, 0] * matrices[:, 1, 1] - matrices[:, 0, 1] * matrices[:, 1, 0]
     root = np.sqrt((half**2 - determinant).astype(complex))
     return np.asarray(np.maximum(np.abs(half + root), np.abs(half - root)))
-
-
-def moves_grid(model: Physics) -> bool:
-    """Whether a free value moves a delay, and with it where steps begin and end."""
-    blocks = [model.net.elements[name].block for name in model.layout.transports]
-    return any(isinstance(b, Transport) and not ca.SX(b.seconds(0.0, [])).is_constant() for b in blocks if not b.varies)
 
 
 def stiffens(model: Physics) -> bool:
