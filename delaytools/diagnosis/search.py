@@ -296,9 +296,13 @@ def judged(case: Case, fitted: Fitted) -> HeldOut:
     return held_out(fitted, case.rows)
 
 
-def _worthwhile(case: Case, before: Fitted, after: Fitted, carried: Carried) -> bool:
-    """Whether an effect more pays on held-out data, is not lost in the noise, and is longer than rows can tell."""
-    if any(after.added[-1].values.get(name, np.inf) < SHORTEST * case.step for name in ("delay", "time_constant")):
+def _worthwhile(case: Case, before: Fitted, after: Fitted, carried: Carried, place: int = -1) -> bool:
+    """Whether the effect at a place pays on held-out data, is not lost in the noise, and is longer than rows can tell.
+
+    before: the hypothesis without it.
+    """
+    known = after.added[place].values
+    if any(known.get(name, np.inf) < SHORTEST * case.step for name in ("delay", "time_constant")):
         return False
     if jumps(after.added):  # what its jumps may leave out is no gain
         before = replace(before, residual=case.without_odd_rows(before.residual))
@@ -306,21 +310,17 @@ def _worthwhile(case: Case, before: Fitted, after: Fitted, carried: Carried) -> 
     gain, _ = now.better_than(then)
     if gain < max(NAMED + PENALTY * (after.size - before.size - 1), LUCK * now.luck_beside(then)):
         return False
-    return matters(case, before, after, carried)
+    return matters(case, before, after, carried, place)
 
 
-def matters(case: Case, before: Fitted, after: Fitted, carried: Carried) -> bool:
-    """Whether the last effect contributes more than a part of the noise, in all or in some band."""
+def matters(case: Case, before: Fitted, after: Fitted, carried: Carried, place: int = -1) -> bool:
+    """Whether the effect at a place contributes more than a part of the noise, in all or in some band."""
     log = 0
     kept = case.outputs(after.added, after.values)[log]
-    known = after.by_path
-    values = tuple(known[p.path].value for p in case.parameters(after.added[:-1]) if p.path in known)
-    lost = case.outputs(after.added[:-1], values)[log] if len(values) == len(
-        case.parameters(after.added[:-1])
-    ) else case.outputs(before.added, before.values)[log]  # fmt: skip
+    lost = _taken_out(case, after, place) or case.outputs(before.added, before.values)
     none, sent = np.zeros((len(kept), 0)), carried.through(case, after)
     for j in range(len(case.exits)):
-        change = kept[:, j] - lost[:, j]
+        change = kept[:, j] - lost[log][:, j]
         noise = case.whitening[j]
         density = np.maximum(noise.density, np.interp(noise.frequency, *incoherent_spectrum(sent[j], none)))
         rms = float(np.sqrt(np.mean(density[1:])))
@@ -330,6 +330,16 @@ def matters(case: Case, before: Fitted, after: Fitted, carried: Carried) -> bool
         if np.any(own[1:] > IN_A_BAND**2 * density[1:]):
             return True
     return False
+
+
+def _taken_out(case: Case, fitted: Fitted, place: int) -> tuple[Array, ...] | None:
+    """The outputs without the effect at a place, all else as it is; None where that frees a value that was not."""
+    one, known = fitted.added[place], fitted.by_path
+    rest = tuple(other for other in fitted.added if other is not one)
+    free, tolerated = case.parameters(rest), {t.path for t in case.tolerated}
+    if any(p.path in tolerated and p.path not in known for p in free):
+        return None
+    return case.outputs(rest, tuple(known[p.path].value if p.path in tolerated else p.value for p in free))
 
 
 def _swapped(
@@ -377,5 +387,4 @@ def _spared(case: Case, fitted: Fitted, place: int, carried: Carried) -> Fitted 
     """The hypothesis without one of its effects, where that is not worth its values beside the others; else None."""
     rest = tuple(one for k, one in enumerate(fitted.added) if k != place)
     without = _refit(case, replace(fitted, added=rest))
-    last = fit_hypothesis(case, (*rest, fitted.added[place]), near=fitted)
-    return None if without is None or _worthwhile(case, without, last, carried) else without
+    return None if without is None or _worthwhile(case, without, fitted, carried, place) else without

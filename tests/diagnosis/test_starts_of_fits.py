@@ -13,7 +13,7 @@ from delaytools.diagnosis.noise_of import Carried, noise_of
 from delaytools.diagnosis.places import spots
 from delaytools.diagnosis.proposals import shortlisted
 from delaytools.diagnosis.screen import Screened, base_of, screened
-from delaytools.diagnosis.search import FINEST, RESOLVED, _resolved, _shown_first, search
+from delaytools.diagnosis.search import FINEST, RESOLVED, _resolved, _shown_first, _spared, search
 from delaytools.diagnosis.segment_report import _imitated
 from delaytools.diagnosis.starts import candidates
 from delaytools.diagnosis.swings import swings
@@ -170,3 +170,13 @@ def test_of_a_pair_only_what_is_worth_its_values_is_named(monkeypatch: pytest.Mo
     assert fitted(case, rounded, leak).chi2 < fitted(case, rounded).chi2 - 60
     monkeypatch.setattr(room, "pairs", lambda *known, **least: [((rounded, leak), np.inf)])
     assert [one.kind for one in search(case, Carried({})).fitted.added] == ["quantization"]
+
+
+@pytest.mark.parametrize("first", [0, 1])
+def test_what_an_effect_is_worth_is_asked_where_it_stands(first: int) -> None:
+    """A limit is reached on one side of a gain of a half, and not on the other."""
+    both = (Added("saturation", "act.input", {"limit": 4.5}), Added("scale_factor", "act.input", {"factor": 0.5}))
+    factor = (1.0, 2.0)[first]
+    case = planted(ACTUATOR, both[:: 1 - 2 * first], replace(WAVE, amplitude=3.0 * factor))
+    known = fitted(case, *both[:: 1 - 2 * first])
+    assert [_spared(case, known, place, Carried({})) for place in (0, 1)] == [None, None]
