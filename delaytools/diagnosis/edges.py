@@ -35,8 +35,12 @@ def edge_near(base: Base, way: Way, one: Added, side: int) -> tuple[float, float
     outwards = int(FARTHEST / step)
     inwards = min(outwards, (last - first) // 2)
     back, on = (inwards, outwards) if side else (outwards, inwards)
-    shifts = np.arange(-min(back, row), max(min(on, max(map(len, base.case.records)) - row), 0) + 1)
+    behind = max(map(len, base.case.records)) - row
+    shifts = np.arange(-min(back, row), max(min(on, behind), 0) + 1)
     gains = _gains(base, way, (base.projected(change), 2 * side - 1), (row, shifts))
+    if side and shifts[-1] == behind:  # of pulses in the last rows a log does not show all
+        whole = response(base, window.moved({"end": (row + behind - 0.5) * step}))
+        gains[-1] = gains[-1] if whole is None else base.gain(whole)[0]
     return _placed((row + shifts - 0.5) * step, gains, step)
 
 
@@ -65,15 +69,24 @@ def _gains(base: Base, way: Way, window: tuple[Array, int], rows: tuple[int, Arr
 
 def _power(base: Base, way: Way, between: "_Between") -> Array:
     """(shifts,): χ² of the rows between the edge and its shifted place, what free values can do left out."""
+    every = max(way.every, 1)
+    tick = max((between.row + int(between.shifts[0] + between.shifts[-1]) // 2) // every, 1) * every
     pulse = tuple(np.zeros(len(rows)) for rows in between.signals)
     for one in pulse:
-        one[min(between.row, len(one) - 1)] = 1.0
+        one[min(tick, (len(one) - 1) // every * every)] = 1.0
     answer = way.convolved(pulse)
     assert answer is not None
-    found = between.squared(way.weights(base.case.whitened(answer)))
+    together = tuple(map(_by_lag, way.weights(base.case.whitened(answer)), pulse))
+    found = between.squared(together)
     for column in base.basis.T:
         found -= between.summed(way.weights(column)) ** 2
     return np.maximum(found, 0.0)
+
+
+def _by_lag(along: Array, pulse: Array) -> Array:
+    """(lags,): how two pulses go together by the rows between them, from one pulse (n,) and all along it (n,)."""
+    row = int(np.argmax(pulse))
+    return along[row:] if row < len(along) // 2 else along[row::-1]
 
 
 def _at_port(base: Base, way: Way) -> tuple[Array, ...]:
@@ -102,16 +115,20 @@ class _Between:
             found += sums[places] - sums[min(self.row, len(u))]
         return found
 
-    def squared(self, weights: tuple[Array, ...]) -> Array:
-        """(shifts,): Σ u_i u_k g(|i - k|) over the rows between; g: how pulses go together, from the edge's row on."""
+    def squared(self, together: tuple[Array, ...]) -> Array:
+        """(shifts,): Σ u_i u_k g(|i - k|) over the rows between; together: per log g (lags,)."""
         found = np.zeros(len(self.shifts))
-        for u, w in zip(self.signals, weights, strict=True):
-            row = min(self.row, len(u) - 1)
-            for way, part in ((-1, u[row + self.shifts[0] : row][::-1]), (1, u[row : row + self.shifts[-1]])):
-                if not len(part):
-                    continue
-                lags = np.concatenate([w[row : row + len(part)], np.zeros(max(len(part) - len(w) + row, 0))])
-                grown = np.cumsum(part * (2 * np.convolve(part, lags)[: len(part)] - lags[:1] * part))
-                here = np.flatnonzero(way * self.shifts > 0)
-                found[here] += grown[np.minimum(np.abs(self.shifts[here]), len(part)) - 1]
+        for u, g in zip(self.signals, together, strict=True):
+            row = min(self.row, len(u))
+            for way, part in ((-1, u[max(row + self.shifts[0], 0) : row][::-1]), (1, u[row : row + self.shifts[-1]])):
+                sums, here = _grown(part, g), way * self.shifts > 0
+                found[here] += sums[np.minimum(np.abs(self.shifts[here]), len(part))]
         return found
+
+
+def _grown(part: Array, g: Array) -> Array:
+    """(n + 1,): Σ u_i u_k g(|i - k|) over the first 0, 1, … n rows of a part (n,)."""
+    if not len(part):
+        return np.zeros(1)
+    lags = np.concatenate([g, np.zeros(len(part))])[: len(part)]
+    return np.concatenate([[0.0], np.cumsum(part * (2 * np.convolve(part, lags)[: len(part)] - lags[0] * part))])

@@ -22,6 +22,15 @@ WAVE = Multisine(amplitude=3.0, from_frequency=0.3, to_frequency=6.0, lines=25)
 SEEDS = 10
 
 
+COMPUTER = """
+[blocks.computer]
+type = "sample_hold"
+input = "u"
+output = "d"
+period = "4 ms"
+"""
+
+
 def window(port: str, factor: float) -> Added:
     values = {"factor": factor, "start": 2.0, "end": 3.5}
     return Added("transient_gain", port, values, {}, frozenset({"start", "end"}))
@@ -40,11 +49,12 @@ def with_noise(clean: Case, seed: int, *, slow: float = 0.0) -> Base:
     return base_of(case, fitted(case))
 
 
-@pytest.mark.parametrize("port", ["act.input", "act.output"])
+@pytest.mark.parametrize("port", ["act.input", "act.output", "computer.input"])
 @pytest.mark.parametrize("side", [0, 1])
 def test_what_a_row_is_worth_is_what_a_run_says(port: str, side: int) -> None:
     free = (Parameter("act.damping", 0.6, low=0.3, high=0.9),)
-    base = with_noise(replace(planted(ACTUATOR, (window(port, 1.1),), WAVE), tolerated=free), 1)
+    text = ACTUATOR.replace('input = "u"', 'input = "d"') + COMPUTER if port.startswith("computer") else ACTUATOR
+    base = with_noise(replace(planted(text, (window(port, 1.1),), WAVE), tolerated=free), 1)
     way, shifts = base.way(port), np.arange(-400, 401)
     change = response(base, window(port, 1.02).moved({"start": 1.9995, "end": 3.4995}))
     assert way is not None and change is not None and base.basis.shape[1] == 1
@@ -71,6 +81,14 @@ def test_a_row_where_the_jump_itself_shows_is_found_from_afar() -> None:
     found = with_edges_fitted(base, PLANTED[0].moved({"start": 2.3, "end": 3.1})).added
     for name, true in (("start", 2.0), ("end", 3.5)):
         assert found.values[name] == pytest.approx(true, abs=2e-3) and found.errors[name] < 2e-3
+
+
+def test_a_window_may_last_to_the_end_of_the_log() -> None:
+    last = Added("transient_gain", "act.output", {"factor": 1.2, "start": 4.0, "end": 7.0})
+    base = with_noise(planted(ACTUATOR, (last,), WAVE, noise=1e-9), 1)
+    found = with_edges_fitted(base, last.moved({"start": 4.1, "end": 5.9})).added
+    assert found.values["start"] == pytest.approx(4.0, abs=2e-3)
+    assert found.values["end"] > 5.999
 
 
 def test_a_window_that_begins_with_the_first_row_has_an_end() -> None:
