@@ -12,7 +12,7 @@ from delaytools.diagnosis.case import Case
 from delaytools.estimation.least_squares import estimate
 from delaytools.signals.parameter import Parameter
 
-__all__ = ["STEPS", "TOLERANCE", "Fitted", "at_values", "fit_hypothesis", "jumps", "placed"]
+__all__ = ["STEPS", "TOLERANCE", "Fitted", "at_values", "fit_hypothesis", "has_odd_rows", "placed"]
 
 Array = NDArray[np.float64]
 TOLERANCE = 1e-7
@@ -107,7 +107,7 @@ def fit_hypothesis(
         if nearly or key in memory:
             return both(x)[0]
         rows = case.residual(case.outputs(added, key))
-        return case.without_odd_rows(rows) if jumps(added) else rows
+        return case.without_odd_rows(rows) if has_odd_rows(case, added) else rows
 
     found = estimate(
         residual, start, jacobian=lambda x: both(x)[1], coloured=False, tolerance=tolerance,
@@ -124,13 +124,15 @@ def at_values(case: Case, added: tuple[Added, ...], near: Fitted) -> Fitted:
     values = tuple(p.value for p in parameters)
     if not values:
         residual = case.residual(case.outputs(added, ()))
+        residual = case.without_odd_rows(residual) if has_odd_rows(case, added) else residual
         return Fitted(added, (), residual, np.zeros((len(residual), 0)))
     return Fitted(added, parameters, *_evaluated(case, added, values))
 
 
-def jumps(added: tuple[Added, ...]) -> bool:
-    """Whether some effect makes a row jump as a whole, so that noise moves a few rows by far more than itself."""
-    return any(one.kind == "quantization" for one in added)
+def has_odd_rows(case: Case, added: tuple[Added, ...]) -> bool:
+    """Whether a few rows may be off by far more than noise and mean nothing: where an effect makes a row jump as a
+    whole, noise moves it by all of that, and where an input jumps between two rows nobody knows when."""
+    return case.is_driven_by_jumps or any(one.kind == "quantization" for one in added)
 
 
 def _evaluated(
@@ -138,7 +140,7 @@ def _evaluated(
 ) -> tuple[Array, Array]:
     """Whitened residual and its derivatives; odd rows that a jump explains cut, and still."""
     whole, slopes = case.with_derivatives(added, values, nearly=nearly)
-    if not jumps(added):
+    if not has_odd_rows(case, added):
         return whole, slopes
     cut = case.without_odd_rows(whole)
     return cut, np.where((cut == whole)[:, None], slopes, 0.0)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delaytools.diagnosis.case import Case
-from delaytools.diagnosis.fitting import Fitted, jumps
+from delaytools.diagnosis.fitting import Fitted, has_odd_rows
 from delaytools.diagnosis.noise import (
     RESOLVED,
     RESOLVED_HELD,
@@ -114,7 +114,7 @@ def noise_of(case: Case, fitted: Fitted, carried: Carried) -> tuple[Whitening, .
     found = []
     for j, exit in enumerate(case.exits):
         series = _series(case, outputs, j)
-        if jumps(fitted.added) or case.is_driven_by_jumps:
+        if has_odd_rows(case, fitted.added):
             series = [(without_odd_rows(rows), inputs) for rows, inputs in series]
         spectra = [incoherent_spectrum(*pair) for pair in series]
         longest = max(range(len(spectra)), key=lambda k: len(spectra[k][0]))

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from delaytools.diagnosis.added import Added
 from delaytools.diagnosis.case import Case
 from delaytools.diagnosis.driving import nominal
-from delaytools.diagnosis.fitting import STEPS, TOLERANCE, Fitted, fit_hypothesis, jumps
+from delaytools.diagnosis.fitting import STEPS, TOLERANCE, Fitted, fit_hypothesis, has_odd_rows
 from delaytools.diagnosis.heldout import HeldOut, held_out
 from delaytools.diagnosis.joint_start import making_room
 from delaytools.diagnosis.lattices import quantisers_shown
@@ -304,7 +304,7 @@ def _worthwhile(case: Case, before: Fitted, after: Fitted, carried: Carried, pla
     known = after.added[place].values
     if any(known.get(name, np.inf) < SHORTEST * case.step for name in ("delay", "time_constant")):
         return False
-    if jumps(after.added):  # what its jumps may leave out is no gain
+    if has_odd_rows(case, after.added):  # what they leave out is no gain
         before = replace(before, residual=case.without_odd_rows(before.residual))
     now, then = judged(case, after), judged(case, before)
     gain, _ = now.better_than(then)

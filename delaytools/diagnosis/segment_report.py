@@ -19,7 +19,7 @@ from delaytools.diagnosis.answer import (
     Unexplained,
 )
 from delaytools.diagnosis.case import Case
-from delaytools.diagnosis.fitting import Fitted, fit_hypothesis, jumps
+from delaytools.diagnosis.fitting import Fitted, fit_hypothesis, has_odd_rows
 from delaytools.diagnosis.heldout import PIECE, held_out, rms_band
 from delaytools.diagnosis.hint import hint
 from delaytools.diagnosis.next_experiment import next_experiment
@@ -259,7 +259,7 @@ def _seen_plainly(case: Case, fitted: Fitted, adequate: bool) -> Case:
     left = _left_over(case, outputs)
     filters = []
     for j in range(len(case.exits)):
-        residual = without_odd_rows(left[0][:, j]) if jumps(fitted.added) or case.is_driven_by_jumps else left[0][:, j]
+        residual = without_odd_rows(left[0][:, j]) if has_odd_rows(case, fitted.added) else left[0][:, j]
         inputs = np.zeros((len(residual), 0)) if adequate else references(case, 0)
         filters.append(whitening(*incoherent_spectrum(residual, inputs)))
     return case.whitened_by(tuple(filters))

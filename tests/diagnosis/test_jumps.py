@@ -113,3 +113,12 @@ def test_a_wrong_step_moves_what_is_driven_by_the_exit() -> None:
     unsure = replace(plain, added=(rounded("act.input", error=1e-3),))
     assert _directions(case, plain)[0].shape[2] == 0
     assert float(np.std(_directions(case, unsure)[0][:, 0, 0])) > 0
+
+
+def test_a_row_that_an_input_jumps_between_is_no_reason_for_an_effect() -> None:
+    jump = Column(time=TIME, values=WAVE.value(TIME) + 2.0 * (TIME > 3.2))
+    case = replace(planted(ACTUATOR, (), jump), smooth=frozenset({"u"}), _replays={})
+    odd = with_odd_row(case, 3205)
+    assert odd.is_driven_by_jumps
+    assert fitted(odd).chi2 - fitted(case).chi2 < (ORDER + 1) * LARGEST**2 < (STEP / NOISE) ** 2
+    assert not search(odd, Carried({})).fitted.added
