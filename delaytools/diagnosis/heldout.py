@@ -14,6 +14,8 @@ __all__ = ["HeldOut", "folds_of", "held_out", "rms_band"]
 Array = NDArray[np.float64]
 BLOCKS = 20
 MANY = 5  # logs
+TELLING, SHORTEST = 0.05, 10  # of what tells a value apart that each fold must hold, and rows of a block at least
+RANK = 1e-6  # of the largest singular value: what is smaller tells nothing
 PIECE, DRAWN = 0.25, 1000  # s of a block, and resamples of a block bootstrap
 
 
@@ -57,9 +59,34 @@ def folds_of(rows: Rows) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:
     return blocks % 2 == 0, blocks
 
 
+def _telling_folds(rows: Rows, slopes: Array) -> NDArray[np.bool_]:
+    """(rows,) the first fold: blocks of time, halved until both folds tell every mix of the values; slopes (rows, k).
+
+    A mode that rings at the start of a log and never again would be fitted where it is not. Where no such folds are,
+    those of `folds_of`. With slopes = Q R, the eigenvalues of QᵀQ over a fold's rows are its shares.
+    """
+    plain, _ = folds_of(rows)
+    sides, sizes, _ = np.linalg.svd(slopes, full_matrices=False)
+    sides = sides[:, sizes > RANK * sizes[0]]
+    step = float(np.median(np.diff(rows.time[(rows.log == 0) & (rows.exit == 0)])))
+    first, length = plain, float(rows.time.max()) / BLOCKS
+    while not _tells(sides, first):
+        length /= 2
+        if length < SHORTEST * step:
+            return plain
+        first = rows.blocks(length) % 2 == 0
+    return first
+
+
+def _tells(sides: Array, fold: NDArray[np.bool_]) -> bool:
+    """Whether a fold and the rest both hold enough of what tells each mix of values apart; sides (rows, k): Q."""
+    shares = np.linalg.eigvalsh(sides[fold].T @ sides[fold])
+    return bool(shares.min() >= TELLING and shares.max() <= 1 - TELLING)
+
+
 def held_out(fitted: Fitted, rows: Rows) -> HeldOut:
     """Residuals of each fold by the values that fit the other one, by one Gauss–Newton step from the common fit."""
-    first, blocks = folds_of(rows)
+    _, blocks = folds_of(rows)
     residual = fitted.residual.copy()
     slopes = fitted.jacobian
     useful = np.abs(slopes).max(axis=0, initial=0.0) > 0
@@ -67,6 +94,7 @@ def held_out(fitted: Fitted, rows: Rows) -> HeldOut:
     J = slopes[:, useful & inside] if len(inside) else slopes
     if J.shape[1]:
         J = J / np.linalg.norm(J, axis=0)
+        first = _telling_folds(rows, J)
         for fold in (first, ~first):
             if 0 < fold.sum() < len(fold):
                 left = J[fold].T @ J[fold]

@@ -28,6 +28,7 @@ from delaytools.diagnosis.noise_of import features, references
 from delaytools.diagnosis.quantities import quantities
 from delaytools.diagnosis.search import MOST, PENALTY, Finding
 from delaytools.diagnosis.structure import Band, structured_bands
+from delaytools.diagnosis.unevenness import loudest
 from delaytools.signals.trouble import DelaytoolsError
 
 __all__ = ["SegmentReport", "segment_report"]
@@ -38,6 +39,7 @@ LEFT = 0.06  # power of structure left, of the noise: a quarter of its rms
 IN_A_BAND = 1.25  # the same in one octave
 CHANCE = 1e-8
 EDGES = ("start", "end")
+EVEN = ("bias", "scale_factor", "cross_coupling", "flexible_mode", "periodic_interference")  # leave noise as even
 WINDOW = "transient_gain"  # two of them can follow whatever depends on how much a signal moves
 
 
@@ -216,7 +218,30 @@ def _unexplained(case: Case, fitted: Fitted, sent: tuple[Array, ...]) -> tuple[U
         if bad or whole > LEFT:
             bad = [b for b in bands if b.probability < CHANCE]
             found.append(replace(_left(case, exit, bad, (white, inputs)), hint=hint(case, fitted, j)))
+        elif not _gates_noise(case, fitted, exit):
+            found += _uneven(case, (outputs[0], white, case.whitening[j].apply(sent[j])), exit)
     return tuple(found)
+
+
+def _gates_noise(case: Case, fitted: Fitted, exit: str) -> bool:
+    """Whether the noise of an exit may pass an effect, at its port, that lets through now more, now less."""
+    ports = {f"{e.name}.{port}" for e in case.segment.loop.elements for port, s in e.outputs.items() if s == exit}
+    return any(one.at in ports and one.kind not in EVEN for one in fitted.added)
+
+
+def _uneven(case: Case, rows: tuple[Array, Array, Array], exit: str) -> list[Unexplained]:
+    """What is left where it is much louder at some level or rate of a signal; rows: modelled exits, residual, sent."""
+    outputs, white, sent = rows
+    record = case.records[0]
+    signals = {n: record[n] for n in case.segment.entries if n in record}
+    signals |= {n: outputs[:, k] for k, n in enumerate(case.exits)}
+    one = loudest(white, signals, sent, case.step)
+    if one is None:
+        return []
+    what = f"the rate of {one.signal}" if one.is_rate else one.signal
+    words = f"what is left is {one.power:.1f} times as strong as in all where {what} is within " \
+        f"{one.low:.3g} and {one.high:.3g}: noise is as strong everywhere"
+    return [Unexplained(exit, 1.0, (), words)]
 
 
 def _left_over(case: Case, outputs: tuple[Array, ...]) -> tuple[Array, ...]:

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
-__all__ = ["Band", "structured_bands"]
+__all__ = ["Band", "octaves", "structured_bands"]
 
 Array = NDArray[np.float64]
 LAGS = (1, 2, 3, 5, 9, 17, 33, 65)  # not 0: a controller that acts at once hands this row's noise on
@@ -60,9 +60,7 @@ def _past(inputs: Array) -> Array:
 
 def _by_octave(explained: Array, chance: Array, allowed: Array, size: tuple[float, int]) -> tuple[Band, ...]:
     (level, rows), found = size, []
-    edge = max(2, rows // 10000)
-    while edge < len(explained) - 1:
-        last = min(2 * edge, len(explained))
+    for edge, last in octaves(len(explained), rows):
         up = float(explained[edge:last].sum()) * 2 / rows
         expected = chance[edge:last].sum(axis=0) * 2 / rows * level
         mean, square = float(expected.sum()), float((expected**2).sum())
@@ -73,5 +71,13 @@ def _by_octave(explained: Array, chance: Array, allowed: Array, size: tuple[floa
         found.append(
             Band(edge / rows, (last if last < len(explained) else rows // 2) / rows, share, probability)
         )
-        edge = last
     return tuple(found)
+
+
+def octaves(lines: int, rows: int) -> list[tuple[int, int]]:
+    """(first, last + 1) of the spectral lines of every octave; rows: of the series."""
+    found, edge = [], max(2, rows // 10000)
+    while edge < lines - 1:
+        found.append((edge, min(2 * edge, lines)))
+        edge = found[-1][1]
+    return found
