@@ -11,15 +11,15 @@ from scipy.ndimage import maximum_filter1d
 
 from delaytools.loop.loop import Loop
 from delaytools.signals.stimulus import Column, Stimulus, Zero
-from delaytools.simulation.from_data import data_call
+from delaytools.simulation.from_data import data_call, moved_data
 from delaytools.simulation.met import steps_needed
 from delaytools.simulation.physics import Physics, physics
-from delaytools.simulation.repeating import repeating_call
+from delaytools.simulation.repeating import moved_repeating, repeating_call
 from delaytools.simulation.run import Compiled
 from delaytools.simulation.schedule import Timing
-from delaytools.simulation.timing import MOST, STIFFNESS, bends, stiffens, timing_of
+from delaytools.simulation.timing import MOST, STIFFNESS, bends, delays_of, stiffens, timing_of, with_delays
 
-__all__ = ["Pace", "compile_loop"]
+__all__ = ["Pace", "compile_loop", "moved"]
 
 Array = NDArray[np.float64]
 SHORTLY = 2.0  # times the |λ| h elsewhere that a step may have where friction is stiffest under the largest load
@@ -73,7 +73,7 @@ def compile_loop(
     def made(model: Physics, timing: Timing, short: bool = short) -> Compiled:
         end = (frames + 1) * loop.frame
         call = repeating_call(model, timing, short=short) or data_call(model, timing, end, short=short)
-        return Compiled(model, call, frames, loop.frame, stimuli)
+        return Compiled(model, call, timing, frames, loop.frame, stimuli)
 
     needed = None  # delays would carry along the history of all steps
     if substeps is None and not model.layout.transports and bends(numeric):
@@ -87,6 +87,22 @@ def compile_loop(
         met = float(steps_needed(made(numeric, timing), SHORTLY * pace.stiffness).max())
         timing = replace(timing, substeps=int(min(MOST, max(met, timing.substeps))))
     return replace(made(model, timing.finer(pace.finer)), by_frame=timing.by_frame)
+
+
+def moved(compiled: Compiled, values: tuple[float, ...]) -> Compiled | None:
+    """The loop ready to run with other constant delays, nothing compiled anew; None where its calls do not fit them.
+
+    values: of the free paths; what shapes the grid otherwise is as it was.
+    """
+    call, end = compiled.call, (compiled.frames + 1) * compiled.frame
+    seconds = call.once("seconds", lambda: delays_of(compiled.model))(np.asarray(values, dtype=float))
+    timing = with_delays(compiled.timing, np.asarray(seconds).ravel())
+    other = moved_repeating(call, timing) if call.copies else moved_data(call, compiled.model, timing, end)
+    if other is None:
+        return None
+    start, last = other.grid.start, call.grid.start
+    same = len(start) == len(last) and bool(np.abs(start - last).max() < 1e-9 * compiled.frame)
+    return replace(compiled, call=other, timing=timing, _sampled=compiled._sampled if same else {})
 
 
 def _needed(made: Callable[[Timing], Compiled], timing: Timing, stiffness: float) -> NDArray[np.int64] | None:

@@ -3,6 +3,7 @@
 Where each delay looks back to, and where the grid is uneven also the spans' lengths and the ticks, are data.
 """
 
+from dataclasses import replace
 from typing import Any, final
 
 import casadi as ca
@@ -23,7 +24,7 @@ from delaytools.simulation.unroll import (
     walk_spans,
 )
 
-__all__ = ["data_call"]
+__all__ = ["data_call", "moved_data"]
 
 LARGEST_CALL = 20  # spans
 STAGES = 3
@@ -34,6 +35,13 @@ def data_call(model: Physics, timing: Timing, end: float, *, short: bool = False
     grid = run_grid(timing, end)
     lookups = tuple(look_back(grid, delay) for delay in timing.delays)
     return _FromData(model, timing, grid, lookups, 1 if short else LARGEST_CALL).build()
+
+
+def moved_data(call: Call, model: Physics, timing: Timing, end: float) -> Call | None:
+    """The call for other values of its delays, or None where these need other spans or a longer history."""
+    grid = run_grid(timing, end)
+    lookups = tuple(look_back(grid, delay) for delay in timing.delays)
+    return _FromData(model, timing, grid, lookups, call.spans).instead_of(call)
 
 
 @final
@@ -85,7 +93,20 @@ class _FromData:
         function = ca.Function("call", [state, data, p], [ca.vertcat(new, *kept), rows])
         if not self.delays:
             function = function.expand()
-        return Call(function, inputs, self.spans, self.spans, self.depth, self.grid, 0, self._data())
+        call = Call(function, inputs, self.spans, self.spans, self.depth, self.grid, 0, self._data())
+        call.once("shape", self._shape)
+        return call
+
+    def instead_of(self, call: Call) -> Call | None:
+        """A call with the data of this one, where its function fits them."""
+        if call.made["shape"] != self._shape() or self.spans != call.spans or self.depth > call.depth:
+            return None
+        self.depth = call.depth
+        return replace(call, grid=self.grid, data=self._data())
+
+    def _shape(self) -> tuple[Any, ...]:
+        length = round(float(self.grid.length[0]), 15) if self.even else 0.0
+        return self.inside, self.ticks_known, self.per_span, length
 
     def _inner(self, inputs: Inputs) -> ca.Function:
         own = state_size(self.model, 0)

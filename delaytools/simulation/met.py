@@ -49,7 +49,7 @@ def _begun(compiled: Compiled, count: int) -> Array:
 
 def _walked(compiled: Compiled) -> tuple[Array, dict[str, Array]]:
     """(calls, states) at the beginning of every call of a run without free values, and the signals there."""
-    call, first = compiled.call, np.asarray(initial_state(compiled, ())).ravel()
+    call, first = compiled.call, initial_state(compiled, ())
     arguments, signals = call.function.mx_in(), compiled.model.layout.signals
     after, rows = call.function.call(arguments)
     size = len(compiled.model.layout.states)

@@ -1,6 +1,7 @@
 """A call for a loop whose grid repeats: constant delays and ticks that meet again after some frames."""
 
 import math
+from dataclasses import replace
 from typing import Any, final
 
 import casadi as ca
@@ -18,9 +19,10 @@ from delaytools.simulation.unroll import (
     split_state,
     state_size,
     walk_spans,
+    weights,
 )
 
-__all__ = ["repeating_call"]
+__all__ = ["moved_repeating", "repeating_call"]
 
 SMALLEST_CALL = 15  # spans
 
@@ -42,6 +44,20 @@ def repeating_call(model: Physics, timing: Timing, *, short: bool = False) -> Ca
     depth = max((int(look.back.max()) for look in lookups), default=0)
     builder = _Repeating(model, timing, grid, lookups, moved)
     return builder.build(copies, depth)
+
+
+def moved_repeating(call: Call, timing: Timing) -> Call | None:
+    """The call for other values of its free delays, or None where these meet or look at other spans."""
+    frames = hyper_period(timing.frame, list(timing.periods.values()))
+    pattern = None if timing.varying or frames is None else _pattern(timing, frames)
+    if pattern is None:
+        return None
+    grid, lookups, _ = pattern
+    if not np.array_equal(grid.moved, call.grid.moved) or not np.array_equal(grid.row, call.grid.row):
+        return None
+    if not all(np.array_equal(new.back, old.back) for new, old in zip(lookups, call.lookups, strict=True)):
+        return None
+    return replace(call, grid=grid, lookups=lookups)
 
 
 def _pattern(timing: Timing, frames: int) -> tuple[Grid, tuple[Lookup, ...], Any] | None:
@@ -99,6 +115,8 @@ class _Repeating:
         self.whole, self.begin = whole
         self.p = model.symbol
         self.shift = self._delay_shift()
+        self.is_moved = not all(isinstance(shift, float) for shift in self.shift)
+        self._weights: dict[tuple[int, int, int], tuple[Any, Any]] = {}
         self.ticks = _ticks(timing, grid)
 
     def _delay_shift(self) -> list[Any]:
@@ -125,7 +143,7 @@ class _Repeating:
     def length(self, i: int) -> Any:
         """h of span i, in s."""
         index = i % len(self.grid.start)
-        if all(isinstance(shift, float) for shift in self.shift):
+        if not self.is_moved:
             return float(self.grid.length[index])
         return self._edge(self.begin + index + 1) - self._edge(self.begin + index)
 
@@ -133,15 +151,25 @@ class _Repeating:
         """Value and scaled derivative of what leaves a delay at a stage."""
         index, look = i % len(self.grid.start), self.lookups[delay]
         back, theta = int(look.back[index, stage]), float(look.theta[index, stage])
+        piece = pieces[self.depth + i - back]
+        if self.is_moved:
+            value, slope = self._moved_weights(index, delay, stage)
+            return ca.mtimes(value, piece), ca.mtimes(slope, piece)
         theta = round(theta, 12) if min(theta, 1 - theta) > 1e-9 else float(round(theta))
-        place: Any = theta
-        if not all(isinstance(shift, float) for shift in self.shift):
-            here, there = self.begin + index, self.begin + index - back
-            t = self._edge(here) + (0.0, 0.5, 1.0)[stage] * self.length(i)
-            size = self._edge(there + 1) - self._edge(there)
-            place = (t - self.timing.constant[delay] - self.shift[delay] - self._edge(there)) / size
-        value, slope = hermite(pieces[self.depth + i - back], place)
+        value, slope = hermite(piece, theta)
         return value, slope * float(look.slope[index, stage])
+
+    def _moved_weights(self, index: int, delay: int, stage: int) -> tuple[Any, Any]:
+        """(1, 4) each: of value and scaled derivative, as formulas of the free delays; the same in every copy."""
+        key = index, delay, stage
+        if key not in self._weights:
+            there = self.begin + index - int(self.lookups[delay].back[index, stage])
+            length, size = self.length(index), self._edge(there + 1) - self._edge(there)
+            t = self._edge(self.begin + index) + (0.0, 0.5, 1.0)[stage] * length
+            place = (t - self.timing.constant[delay] - self._edge(there) - self.shift[delay]) / size
+            both = weights()(place)
+            self._weights[key] = both[0, :], both[1, :] * (length / size)
+        return self._weights[key]
 
     def build(self, copies: int, depth: int) -> Call:
         """The unrolled function of `copies` hyper-periods."""
@@ -164,7 +192,7 @@ class _Repeating:
         new = join_state(walk, depth)
         function = ca.Function("call", [state, data, self.p], [new, ca.vertcat(*walk.rows)])
         rows = int(sum(self.grid.row)) * copies
-        return Call(function, inputs, spans, rows, depth, self.grid, copies)
+        return Call(function, inputs, spans, rows, depth, self.grid, copies, lookups=self.lookups)
 
 
 def _ticks(timing: Timing, grid: Grid) -> list[dict[str, int]]:

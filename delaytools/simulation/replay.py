@@ -20,7 +20,7 @@ from delaytools.signals.record import Record
 from delaytools.signals.stimulus import Column, Stimulus
 from delaytools.signals.trouble import AnalysisError
 from delaytools.simulation.anew import Anew
-from delaytools.simulation.compiling import Pace, compile_loop
+from delaytools.simulation.compiling import Pace, compile_loop, moved
 from delaytools.simulation.run import Compiled, run
 from delaytools.simulation.sensitivity import run_with_derivatives
 
@@ -68,10 +68,11 @@ def driven_by(
 class Replay:
     """A loop, the stimuli that drive it, and the times (n,) in s at which its signals are wanted.
 
-    free: paths whose values the runs take. Values that shape the grid of a run (delays, periods) cost a new
-    compilation whenever they change; all others share one. begins: rows at which states (element, state) are set
-    to values, in order; all others go on. substeps: of a frame; None: as many as the loop needs. finer: how many times
-    finer than usual its steps are to be. steps: of each frame as last found, by this replay or another of the log.
+    free: paths whose values the runs take. All share one compiled step but those that shape the grid of a run: periods
+    cost a new one whenever they change, delays where they then look back to other steps. begins: rows at which states
+    (element, state) are set to values, in order; all others go on. substeps: of a frame; None: as many as the loop
+    needs. finer: how many times finer than usual its steps are to be. steps: of each frame as last found, by this
+    replay or another of the log.
     """
 
     loop: Loop
@@ -114,12 +115,12 @@ class Replay:
 
     def run(self, values: tuple[float, ...] = ()) -> Array:
         """(n, signals): the signals at the rows, for these values of the free paths."""
-        compiled, chosen = self._ready(values)
+        compiled, chosen, _ = self._ready(values)
         return self._rows(compiled, run(compiled, chosen, self._anew)[1])
 
     def run_driven(self, values: tuple[float, ...], stimuli: Mapping[str, Stimulus]) -> Array:
         """The run with other stimuli in the place of some, of the same kind: nothing is compiled anew."""
-        compiled, chosen = self._ready(values)
+        compiled, chosen, _ = self._ready(values)
         driven = replace(compiled, stimuli={**compiled.stimuli, **stimuli})
         return self._rows(compiled, run(driven, chosen, self._anew)[1])
 
@@ -132,9 +133,9 @@ class Replay:
 
         By the state's value at the last row where the run begins anew with it, or at the first row.
         """
-        compiled, chosen = self._ready(values)
+        compiled, chosen, _ = self._ready(values)
         states = compiled.model.layout.states
-        _, rows, slopes = run_with_derivatives(compiled, chosen, anew=self._anew, starts=states, by_values=False)
+        _, rows, slopes = run_with_derivatives(compiled, chosen, anew=self._anew, starts=states, by=())
         return self._rows(compiled, rows), self._rows(compiled, slopes)
 
     @cached_property
@@ -150,23 +151,24 @@ class Replay:
 
         CasADi's own derivatives of the compiled step; forward differences for values that shape the grid.
         """
+        return self._with_slopes(values)
+
+    def _with_slopes(self, values: tuple[float, ...], left_out: int = -1) -> tuple[Array, Array]:
+        """`run_with_derivatives`, those by the value at the place `left_out` left 0."""
         smooth = [index for index in range(len(self.free)) if index not in self._shaping]
         slopes = np.zeros((len(self.time), len(self.signals), len(self.free)))
-        if smooth:
-            compiled, chosen = self._ready(values)
-            _, table, found = run_with_derivatives(compiled, chosen, anew=self._anew)
-            rows, slopes[:, :, smooth] = self._rows(compiled, table), self._rows(compiled, found)
-        else:
-            rows = self.run(values)
-        for index in self._shaping:
+        compiled, chosen, by = self._ready(values)
+        _, table, found = run_with_derivatives(compiled, chosen, anew=self._anew, by=by)
+        rows, slopes[:, :, smooth] = self._rows(compiled, table), self._rows(compiled, found)
+        for index in (k for k in self._shaping if k != left_out):
             slopes[:, :, index] = self._difference(values, index, rows)
         return rows, slopes
 
     def run_between(self, values: tuple[float, ...]) -> tuple[Array, Array]:
-        """As `run_with_derivatives`, with a free constant delay between its neighbours on a grid, whose runs are kept.
+        """As `run_with_derivatives`, with a free constant delay between its neighbours on a grid.
 
-        The nearer delays come to an answer, the less is compiled: for fits that only rank. Straight lines between
-        delays a twentieth of a row apart err by (ωh/20)²/8 of a sine of ω rad/s.
+        The first neighbours' derivatives are those of a chord: for fits that only rank. Straight lines between delays a
+        twentieth of a row apart err by (ωh/20)²/8 of a sine of ω rad/s.
         """
         index = next((k for k, path in enumerate(self.free) if path in self._delay_paths), None)
         if index is None:
@@ -174,14 +176,9 @@ class Replay:
         cell = (self._row_step or self.frame) / CELLS
         left = math.floor(values[index] / cell)
         part = values[index] / cell - left
-        rest, ends = [k for k in range(len(values)) if k != index], []
-        for place in (left, left + 1):
-            fixed = (*values[:index], place * cell, *values[index + 1 :])
-            replay = self._without_grid(fixed, [index], rest)
-            ends.append(replay.run_with_derivatives(tuple(fixed[k] for k in rest)))
-        (before, slopes_before), (after, slopes_after) = ends
-        slopes = np.zeros((*before.shape, len(values)))
-        slopes[:, :, rest] = (1 - part) * slopes_before + part * slopes_after
+        ends = [(*values[:index], place * cell, *values[index + 1 :]) for place in (left, left + 1)]
+        (before, slopes_before), (after, slopes_after) = (self._with_slopes(end, index) for end in ends)
+        slopes = (1 - part) * slopes_before + part * slopes_after
         with np.errstate(over="ignore", invalid="ignore"):  # a run that diverges has no slope
             slopes[:, :, index] = (after - before) / cell
         return (1 - part) * before + part * after, slopes
@@ -213,34 +210,48 @@ class Replay:
         return self._parts[key]
 
     def _difference(self, values: tuple[float, ...], index: int, rows: Array) -> Array:
-        """By a forward difference: every other value of what shapes the grid is a new compilation."""
+        """By a forward difference."""
         step = _STEP * max(self.frame, abs(values[index]))
-        moved = self.run((*values[:index], values[index] + step, *values[index + 1 :]))
-        return (moved - rows) / step
+        after = self.run((*values[:index], values[index] + step, *values[index + 1 :]))
+        return (after - rows) / step
 
-    def _ready(self, values: tuple[float, ...]) -> tuple[Compiled, tuple[float, ...]]:
-        """The compiled loop, in which values that shape the grid are numbers, and those that are free in it."""
-        smooth = [index for index in range(len(self.free)) if index not in self._shaping]
-        chosen = tuple(values[index] for index in smooth)
-        return self._without_grid(values, self._shaping, smooth)._prepared(chosen), chosen
+    def _ready(self, values: tuple[float, ...]) -> tuple[Compiled, tuple[float, ...], list[int]]:
+        """The compiled loop, the values that are free in it, and the places among them of those it is smooth in.
+
+        Values that shape the grid are numbers, but for constant delays; one of 0 is a wire.
+        """
+        fixed = [k for k in self._shaping if self.free[k] not in self._delay_paths or values[k] <= 0]
+        kept = [index for index in range(len(self.free)) if index not in fixed]
+        chosen, by = tuple(values[k] for k in kept), [kept.index(k) for k in kept if k not in self._shaping]
+        return self._without_grid(values, fixed, kept)._prepared(chosen), chosen, by
 
     def _prepared(self, values: tuple[float, ...]) -> Compiled:
         numbers = dict(zip(self.free, values, strict=True))
-        key = tuple(self._key(path, number) for path, number in numbers.items())
-        if key not in self._compiled:
-            loop = with_numbers(self.loop, numbers) if numbers else self.loop
-            framed = replace(loop, frame=self.frame)
-            duration = self.frame * math.ceil(float(self.time[-1]) / self.frame - EVEN)
+        rest = tuple(self._key(path, number) for path, number in numbers.items())
+        delays = tuple(number for path, number in numbers.items() if path in self._delay_paths)
+        if (rest, delays) not in self._compiled:
+            found = self._moved(rest, values) if delays else None
             if len(self._compiled) > KEPT:
-                self._compiled.clear()
-            compiled = self._compiled[key] = compile_loop(
-                framed, self.stimuli, duration=duration, free=self.free, substeps=self.substeps,
-                pace=Pace(STIFF, self.finer, HOLDING, self.steps.get(LAST)),
-                short=any(row for row, _ in self.begins) or len(self.time) < BRIEF,
-            )  # fmt: skip
-            if compiled.by_frame is not None:
-                self.steps[LAST] = compiled.by_frame
-        return self._compiled[key]
+                del self._compiled[next(iter(self._compiled))]
+            self._compiled[rest, delays] = found or self._anew_compiled(numbers)
+        return self._compiled[rest, delays]
+
+    def _moved(self, rest: Any, values: tuple[float, ...]) -> Compiled | None:
+        """One that was compiled for other delays, the last first, where it fits these as well."""
+        alike = [one for (other, _), one in self._compiled.items() if other == rest]
+        return next((one for last in reversed(alike) if (one := moved(last, values)) is not None), None)
+
+    def _anew_compiled(self, numbers: Mapping[str, float]) -> Compiled:
+        loop = with_numbers(self.loop, numbers) if numbers else self.loop
+        duration = self.frame * math.ceil(float(self.time[-1]) / self.frame - EVEN)
+        compiled = compile_loop(
+            replace(loop, frame=self.frame), self.stimuli, duration=duration, free=self.free,
+            substeps=self.substeps, pace=Pace(STIFF, self.finer, HOLDING, self.steps.get(LAST)),
+            short=any(row for row, _ in self.begins) or len(self.time) < BRIEF,
+        )  # fmt: skip
+        if compiled.by_frame is not None:
+            self.steps[LAST] = compiled.by_frame
+        return compiled
 
     def _key(self, path: str, number: float) -> Any:
         if path in self._stiff_paths:

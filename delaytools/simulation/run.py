@@ -12,10 +12,12 @@ from numpy.typing import NDArray
 from delaytools.signals.stimulus import Stimulus, Zero
 from delaytools.simulation.affine import affine_rows, is_affine, side_by_side
 from delaytools.simulation.anew import Anew, Reset, resets
+from delaytools.simulation.initial import initial_formula
 from delaytools.simulation.physics import Physics
+from delaytools.simulation.schedule import Timing
 from delaytools.simulation.unroll import Call
 
-__all__ = ["Compiled", "call_at", "initial_state", "mapped_rows", "prepared_data", "run", "trimmed"]
+__all__ = ["Compiled", "before_start", "call_at", "initial_state", "mapped_rows", "prepared_data", "run", "trimmed"]
 
 Array = NDArray[np.float64]
 ROWS_PER_CHUNK = 500
@@ -27,13 +29,14 @@ ROWS_PER_DATA_CHUNK = 100  # building a map of calls that gather costs more than
 @final
 @dataclass(frozen=True)
 class Compiled:
-    """A loop ready to run for `frames` frames with the stimuli it was compiled for.
+    """A loop ready to run for `frames` frames with the stimuli and the delays it was compiled for.
 
     by_frame: (frames + 1,) steps of each frame, where they differ.
     """
 
     model: Physics
     call: Call
+    timing: Timing
     frames: int
     frame: float
     stimuli: Mapping[str, Stimulus]
@@ -48,7 +51,7 @@ def run(
 
     anew: where states are set to other values on the way (compiled with `short`).
     """
-    state = np.asarray(initial_state(compiled, values)).ravel()
+    state = initial_state(compiled, values)
     driven = prepared_data(compiled), np.asarray(values, dtype=float)
     new = resets(anew, compiled.model.layout.states, [call_at(compiled, one.frame) for one in anew], size=len(state))
     rows = mapped_rows(compiled.call, compiled.call.function, state, driven, new)
@@ -192,26 +195,15 @@ def _densely(function: ca.Function) -> ca.Function:
     return ca.Function(function.name(), given, [ca.densify(out) for out in function.call(given)])
 
 
-def initial_state(compiled: Compiled, values: tuple[float, ...]) -> ca.DM:
+def initial_state(compiled: Compiled, values: tuple[float, ...]) -> Array:
     """The state before t = 0: every signal at its initial value, the delays filled with it."""
-    model, layout = compiled.model, compiled.model.layout
-    states = [_number(s, model, values) for e in model.net.loop.continuous for s in e.block.initial_state]
-    kept = [_number(s, model, values) for e in model.net.loop.sampled for s in e.block.initial_state]
-    held = np.zeros(len(layout.held))
-    before = np.array([-compiled.frame * 1e-6])
-    external = np.array([float(compiled.stimuli.get(n, Zero()).value(before)[0]) for n in layout.externals])
-    delayed, memory = np.zeros(len(layout.transports)), np.zeros(len(layout.followers))
-    p = np.asarray(values, dtype=float)
-    for _ in range(1 + len(delayed) + len(memory)):
-        point = [states, held, delayed, memory, external, 0.0, 0.0, p]
-        entering, _ = model.delayed(*point, np.zeros(len(external)), np.zeros(len(delayed)))
-        delayed = np.asarray(entering).ravel()
-        memory = np.asarray(model.settled(*point)).ravel()
-    pieces = [n for z in delayed for _ in range(compiled.call.depth) for n in (z, 0.0, z, 0.0)]
-    return ca.DM([*states, *held, *kept, *memory, *pieces])
+    call = compiled.call
+    formula = call.once("initial", lambda: initial_formula(compiled.model, call.depth))
+    return np.asarray(formula(before_start(compiled), np.asarray(values, dtype=float))).ravel()
 
 
-def _number(item: object, model: Physics, values: tuple[float, ...]) -> float:
-    if isinstance(item, int | float):
-        return float(item)
-    return float(ca.Function("number", [model.symbol], [item])(np.asarray(values, dtype=float)))
+def before_start(compiled: Compiled) -> Array:
+    """(externals,) what drives the loop just before t = 0."""
+    moment = np.array([-compiled.frame * 1e-6])
+    driven = [compiled.stimuli.get(n, Zero()).value(moment)[0] for n in compiled.model.layout.externals]
+    return np.array(driven, dtype=float)

@@ -1,7 +1,8 @@
 """What the grid of a run needs to know of a loop: periods, delays, sharp arrivals, steps per frame."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import casadi as ca
@@ -12,7 +13,7 @@ from delaytools.blocks.block import Sampled, Transport
 from delaytools.simulation.physics import Physics
 from delaytools.simulation.schedule import Arrival, Timing
 
-__all__ = ["MOST", "STIFFNESS", "bends", "fastest_at", "stiffens", "timing_of"]
+__all__ = ["MOST", "STIFFNESS", "bends", "delays_of", "fastest_at", "stiffens", "timing_of", "with_delays"]
 
 Array = NDArray[np.float64]
 MOST = 100  # steps per frame
@@ -52,6 +53,26 @@ def timing_of(
     return Timing(net.loop.frame, periods, tuple(functions), tuple(constants), arrivals, moments, count)
 
 
+def delays_of(model: Physics) -> ca.Function:
+    """values of the free paths -> (delays,) s, NaN where one varies."""
+    blocks = [model.net.elements[name].block for name in model.layout.transports]
+    formulas = [math.nan if one.varies else one.seconds(0.0, []) for one in blocks if isinstance(one, Transport)]
+    return ca.Function("seconds", [model.symbol], [ca.densify(ca.vertcat(ca.SX(0, 1), *formulas))])
+
+
+def with_delays(timing: Timing, seconds: Array) -> Timing:
+    """The timing with other constant delays (delays,) s; those that vary (NaN) stay."""
+    delays = [
+        old if math.isnan(number) else _constant(number)
+        for old, number in zip(timing.delays, seconds.tolist(), strict=True)
+    ]
+    return replace(timing, delays=tuple(delays), constant=tuple(seconds.tolist()))
+
+
+def _constant(number: float) -> Callable[[Array], Array]:
+    return lambda t: np.full(np.shape(t), number)
+
+
 def _delay_function(block: Any, column: tuple[Array, Array] | None) -> tuple[Any, float]:
     assert isinstance(block, Transport)
     if column is not None:
@@ -59,7 +80,7 @@ def _delay_function(block: Any, column: tuple[Array, Array] | None) -> tuple[Any
         return (lambda t: np.maximum(np.interp(t, times, seconds), 0.0)), math.nan
     if not block.varies:
         number = float(block.seconds(0.0, []))
-        return (lambda t: np.full(np.shape(t), number)), number
+        return _constant(number), number
     return (lambda t: np.asarray(block.seconds(t, []))), math.nan
 
 

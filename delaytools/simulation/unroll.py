@@ -6,6 +6,7 @@ four numbers per span: value and scaled derivative at its start and at its end (
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import cache
 from typing import Any, final
 
 import casadi as ca
@@ -13,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delaytools.simulation.physics import Physics
-from delaytools.simulation.schedule import Grid
+from delaytools.simulation.schedule import Grid, Lookup
 
 __all__ = [
     "Call",
@@ -28,6 +29,7 @@ __all__ = [
     "split_state",
     "state_size",
     "walk_spans",
+    "weights",
 ]
 
 Array = NDArray[np.float64]
@@ -80,7 +82,8 @@ class Call:
 
     spans, rows: per call. depth: spans of history that the state holds. grid: the spans of one hyper-period, which
     the call holds `copies` times, or of the whole run where `copies` is 0. data: (calls, inputs.extra) numbers that
-    each call takes beyond the externals. made: what was made of the function, kept for the next run.
+    each call takes beyond the externals. lookups: of one hyper-period. made: what was made of the function, kept for
+    the next run.
     """
 
     function: ca.Function
@@ -91,6 +94,7 @@ class Call:
     grid: Grid
     copies: int
     data: Array | None = None
+    lookups: tuple[Lookup, ...] = ()
     made: dict[Any, Any] = field(default_factory=dict, repr=False, compare=False)
 
     def once(self, key: Any, make: Callable[[], Any]) -> Any:
@@ -118,6 +122,18 @@ def hermite(piece: Any, theta: Any) -> tuple[Any, Any]:
     if isinstance(theta, float) and theta in (0.0, 1.0):
         first = 0 if theta == 0.0 else 2
         return piece[first], piece[first + 1]
+    both = ca.mtimes(_weights(theta), piece)
+    return both[0], both[1]
+
+
+@cache
+def weights() -> ca.Function:
+    """θ -> (2, 4): what each number of a piece adds to value and θ-derivative there."""
+    theta = ca.SX.sym("theta")
+    return ca.Function("weights", [theta], [_weights(theta)])
+
+
+def _weights(theta: Any) -> Any:
     value = [
         (1 + 2 * theta) * (1 - theta) ** 2,
         theta * (1 - theta) ** 2,
@@ -130,13 +146,9 @@ def hermite(piece: Any, theta: Any) -> tuple[Any, Any]:
         6 * theta * (1 - theta),
         theta * (3 * theta - 2),
     ]
-    weights = (
-        ca.DM([value, slope])
-        if isinstance(theta, float)
-        else ca.vertcat(ca.horzcat(*value), ca.horzcat(*slope))
-    )
-    both = ca.mtimes(weights, piece)
-    return both[0], both[1]
+    if isinstance(theta, float):
+        return ca.DM([value, slope])
+    return ca.vertcat(ca.horzcat(*value), ca.horzcat(*slope))
 
 
 def cubic() -> ca.Function:
