@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delaytools.estimation.least_squares import Estimate, estimate
-from delaytools.estimation.second_order_response import drive, responses
+from delaytools.estimation.second_order_response import Drive, drive, responses
 from delaytools.signals.parameter import Parameter
 from delaytools.signals.record import Record
 from delaytools.signals.trouble import DelaytoolsError
@@ -30,10 +30,14 @@ class _Rows:
     y: RealArray
     held: bool
 
-    def model(self, w: float, zeta: float, delay: float) -> RealArray:
-        """(n,3): to the input from rest, to the output at the first row, and to its rate in units of ω there."""
-        parts = responses(w, zeta, drive(self.time, self.u, delay, self.held))
-        return parts * np.array([1.0, 1.0, w])
+    def driven(self, delay: float) -> Drive:
+        """What drives the model behind a delay."""
+        return drive(self.time, self.u, delay, self.held)
+
+
+def _model(w: float, zeta: float, driven: Drive) -> RealArray:
+    """(n,3): to the input from rest, to the output at the first row, and to its rate in units of ω there."""
+    return responses(w, zeta, driven) * np.array([1.0, 1.0, w])
 
 
 def fit_rows(record: Record, input: str, output: str, *, delay: bool) -> tuple[Estimate, float]:
@@ -61,7 +65,7 @@ def _check(rows: _Rows, input: str, output: str) -> None:
 def _residual(rows: _Rows) -> Callable[[RealArray], RealArray]:
     def residual(x: RealArray) -> RealArray:
         w, zeta, gain, delay, first, rate = x
-        return np.asarray(rows.model(w, zeta, delay) @ np.array([gain, first, rate]) - rows.y)
+        return np.asarray(_model(w, zeta, rows.driven(delay)) @ np.array([gain, first, rate]) - rows.y)
 
     return residual
 
@@ -76,7 +80,8 @@ def _starts(rows: _Rows, delay: bool) -> list[list[Parameter]]:
         few = rows
     delays = [0.0, *np.geomspace(2 * step, most, 8)] if delay else [0.0]
     grid = list(product(np.geomspace(low, 0.8 * high, 24), _DAMPING, delays))
-    ranked = sorted(((*_linear(few, *point), point) for point in grid), key=lambda item: item[0])
+    driven = {tau: few.driven(tau) for tau in delays}
+    ranked = sorted(((*_linear(few.y, w, z, driven[tau]), (w, z, tau)) for w, z, tau in grid), key=lambda item: item[0])
     found, reach = [], 1e3 * float(np.ptp(rows.y))
     for _, linear, (w, zeta, tau) in ranked[:_REFINED]:
         found.append(
@@ -92,10 +97,10 @@ def _starts(rows: _Rows, delay: bool) -> list[list[Parameter]]:
     return found
 
 
-def _linear(rows: _Rows, w: float, zeta: float, delay: float) -> tuple[float, RealArray]:
+def _linear(y: RealArray, w: float, zeta: float, driven: Drive) -> tuple[float, RealArray]:
     """Σ r² with the best gain and first state, and these."""
-    basis = rows.model(w, zeta, delay)
+    basis = _model(w, zeta, driven)
     if not np.all(np.isfinite(basis)):
         return np.inf, np.zeros(3)
-    best = np.linalg.lstsq(basis, rows.y, rcond=1e-10)[0]
-    return float(np.sum((basis @ best - rows.y) ** 2)), np.asarray(best, dtype=float)
+    best = np.linalg.lstsq(basis, y, rcond=1e-10)[0]
+    return float(np.sum((basis @ best - y) ** 2)), np.asarray(best, dtype=float)

@@ -5,7 +5,7 @@ from typing import final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solve_banded
+from scipy.linalg.lapack import dtbtrs
 
 __all__ = ["Drive", "drive", "responses"]
 
@@ -51,32 +51,30 @@ def responses(natural_frequency: float, damping: float, driven: Drive) -> RealAr
     phi = _transition(w, damping, h)
     inverse = np.array([[-2 * damping / w, -1 / w**2], [1.0, 0.0]])
     b = np.array([0.0, w**2])
-    gamma0 = (phi - np.eye(2)) @ b @ inverse.T
+    gamma0 = w**2 * (phi[:, :, 1] - np.array([0.0, 1.0])) @ inverse.T
     gamma1 = (gamma0 - h[:, None] * b) @ inverse.T
     right = np.zeros((2 * len(h) + 2, 3))
     right[2:, 0] = (gamma0 * driven.value[:, None] + gamma1 * driven.slope[:, None]).ravel()
     right[0, 1] = right[1, 2] = 1.0
-    states = solve_banded((3, 0), _banded(phi), right)
-    return states[2 * driven.rows]
+    states, _ = dtbtrs(_banded(phi), right, uplo="L", diag="U")  # forward substitution, nothing to factorise
+    return np.asarray(states[2 * driven.rows])
 
 
 def _transition(w: float, damping: float, h: RealArray) -> RealArray:
     """e^{Ah} = e^{-σh}[c I + s (A + σ I)], σ = ζω, c = cosh μh, s = sinh(μh)/μ, μ² = σ² - ω²; (k,2,2)."""
-    sigma = damping * w
-    root = np.sqrt(complex(sigma**2 - w**2))
-    x = root * h
-    fall = np.exp((root.real - sigma) * h)  # e^{-σh} cosh without overflow where μ is real
-    grown = np.exp(x - root.real * h)
-    shrunk = np.exp(-x - root.real * h)
-    c = (fall * (grown + shrunk) / 2).real
-    near = np.abs(x) < 1e-4
-    safe = root if abs(root) > 0 else 1.0
-    s = np.where(near, np.exp(-sigma * h) * h * (1 + (x**2).real / 6), (fall * (grown - shrunk) / (2 * safe)).real)
+    sigma, square = damping * w, (damping**2 - 1) * w**2
+    root = np.sqrt(abs(square))
+    if square <= 0:
+        fall = np.exp(-sigma * h)
+        c, s = fall * np.cos(root * h), fall * h * np.sinc(root * h / np.pi)
+    else:  # e^{-σh} cosh and sinh without overflow
+        grown, apart = np.exp((root - sigma) * h), np.expm1(-2 * root * h)
+        c, s = grown * (1 + apart / 2), -grown * apart / (2 * root)
     return c[:, None, None] * np.eye(2) + s[:, None, None] * np.array([[sigma, 1.0], [-(w**2), -sigma]])
 
 
 def _banded(phi: RealArray) -> RealArray:
-    """Rows x_{k+1} - Φ_k x_k of a lower band matrix, in the form of solve_banded: (4, 2k + 2)."""
+    """Rows x_{k+1} - Φ_k x_k of a lower band matrix, in LAPACK's form: (4, 2k + 2)."""
     k = len(phi)
     band = np.zeros((4, 2 * k + 2))
     band[0] = 1.0
