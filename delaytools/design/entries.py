@@ -14,7 +14,7 @@ from delaytools.effects.effect import Effect, Place, check_place
 from delaytools.effects.formula import FormulaEffect
 from delaytools.effects.parameter_change import ParameterChange
 from delaytools.loop.loop import Element, Loop
-from delaytools.loop.port import Port, find_port
+from delaytools.loop.port import Port, find_port, read_at, written_at, written_behind
 from delaytools.signals.trouble import DelaytoolsError, DesignError, shown
 from delaytools.signals.units import Unit, unit
 
@@ -105,11 +105,10 @@ def place_units(loop: Loop, port: Port) -> Units:
     """The units that "signal", "derivative" and "rate" stand for at a port."""
     element = loop[port.element]
     if port.kind == "input":
-        names = [n for n in element.inputs[port.name].names if n not in loop.parameters]
-        symbols = {loop.units.get(_source(loop, n), "") for n in names}
+        symbols = {loop.units.get(n, "") for n in read_at(loop, port).names if n not in loop.parameters}
         return Units(symbols.pop() if len(symbols) == 1 else None)
     if port.kind == "output":
-        return Units(loop.units.get(_final(loop, element.outputs[port.name]), ""))
+        return Units(loop.units.get(written_at(loop, port), ""))
     state = _state_unit(loop, element, port.name)
     if port.kind == "rate":
         out = loop.units.get(next(iter(element.outputs.values())), "")
@@ -117,28 +116,12 @@ def place_units(loop: Loop, port: Port) -> Units:
     return Units(None, state.per_second() if state else None, state)
 
 
-def _source(loop: Loop, signal: str) -> str:
-    """The named signal that enters a chain of effects at an input."""
-    while signal.endswith(".output") and "@" in signal:
-        writer = next(e for e in loop.elements if signal in e.outputs.values())
-        signal = next(iter(writer.inputs.values())).names[0]
-    return signal
-
-
-def _final(loop: Loop, signal: str) -> str:
-    """The named signal that leaves a chain of effects at an output."""
-    while signal.endswith(".input") and "@" in signal:
-        follower = next(e for e in loop.elements if any(x.text == signal for x in e.inputs.values()))
-        signal = follower.outputs["output"]
-    return signal
-
-
 def _state_unit(loop: Loop, element: Element, state: str) -> Unit | None:
     block = element.block
     if isinstance(block, Equations):
         for port, formula in block.formulas.items():
             if formula.text.strip() == state:
-                return unit(loop.units.get(_final(loop, element.outputs[port]), ""))
+                return unit(loop.units.get(written_behind(loop, element.outputs[port]), ""))
         return None
-    out = unit(loop.units.get(_final(loop, next(iter(element.outputs.values()))), ""))
+    out = unit(loop.units.get(written_behind(loop, next(iter(element.outputs.values()))), ""))
     return out.per_second() if state == "rate" else out

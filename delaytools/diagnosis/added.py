@@ -12,7 +12,7 @@ from delaytools.loop.loop import Loop
 from delaytools.loop.port import find_port
 from delaytools.signals.parameter import Parameter
 
-__all__ = ["Added", "with_added"]
+__all__ = ["Added", "places_in_file", "with_added"]
 
 NUISANCE = ("smoothing",)
 FIRST_NUMBER = 1000  # effects of a hypothesis are numbered from here, behind those of any design
@@ -25,7 +25,8 @@ class Added:
 
     kind: as a design file names it (`parameter_change:damping` included). at: port. values: name -> start.
     held: names among `values` that a fit leaves as they are. limits: bounds narrower than the catalogue's.
-    errors: standard errors of held values that were found another way than by a fit.
+    errors: standard errors of held values that were found another way than by a fit. rank: its place among the effects
+    at its port, the least first along the signal; of equals the one that was found earlier.
     """
 
     kind: str
@@ -35,6 +36,7 @@ class Added:
     held: frozenset[str] = frozenset()
     limits: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     errors: Mapping[str, float] = field(default_factory=dict)
+    rank: int = 0
 
     @property
     def free(self) -> tuple[str, ...]:
@@ -50,6 +52,12 @@ class Added:
     def key(self) -> tuple[str, str, tuple[Any, ...]]:
         """What tells two candidates apart: kind, port and sources, whatever the values."""
         return self.kind, self.at, tuple(sorted(self.fixed.items()))
+
+    @property
+    def shape(self) -> tuple[Any, ...]:
+        """What tells two loops apart that hold it, whatever the values of a fit."""
+        held = tuple(self.values[name] for name in self.held)
+        return self.key, self.rank, tuple(self.values), self.held, held
 
     @property
     def name(self) -> str:
@@ -95,10 +103,20 @@ def _path(number: int) -> str:
 
 
 def with_added(loop: Loop, added: tuple[Added, ...]) -> Loop:
-    """The loop with these effects, numbered in order, each at its port."""
-    for number, one in enumerate(added):
+    """The loop with these effects, numbered in order, each at its port behind those of lower rank."""
+    for number, one in sorted(enumerate(added), key=lambda item: item[1].rank):
         loop = one.effect().apply(loop, Place(find_port(loop, one.at), one.name, _path(number)))
     return loop
+
+
+def places_in_file(added: tuple[Added, ...]) -> tuple[int, ...]:
+    """Places of effects in the order of a design file: those at one port share their places among them by rank."""
+    places = list(range(len(added)))
+    for at in {one.at for one in added}:
+        own = [k for k, one in enumerate(added) if one.at == at]
+        for k, place in zip(own, sorted(own, key=lambda k: added[k].rank), strict=True):
+            places[k] = place
+    return tuple(places)
 
 
 def block_values(loop: Loop, block: str) -> dict[str, float]:

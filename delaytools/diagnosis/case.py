@@ -16,6 +16,7 @@ from delaytools.diagnosis.noise import FEW_ODD, LARGEST, RESOLVED, RESOLVED_HELD
 from delaytools.diagnosis.pieces import Begun, starts_shown
 from delaytools.estimation.noise_level import difference_noise
 from delaytools.loop.loop import Element, Loop
+from delaytools.loop.port import find_port, written_at
 from delaytools.loop.segments import Segment
 from delaytools.loop.values import with_numbers
 from delaytools.signals.expression import Expression
@@ -85,6 +86,12 @@ class Case:
         """The measured signals that the segment writes."""
         return self.segment.exits
 
+    def exit_at(self, at: str) -> int | None:
+        """The place among the exits of the signal that a port writes; None where that is not measured."""
+        port = find_port(self.segment.loop, at)
+        signal = written_at(self.segment.loop, port) if port.kind == "output" else ""
+        return self.exits.index(signal) if signal in self.exits else None
+
     @cached_property
     def rows(self) -> Rows:
         """Where each whitened residual stands."""
@@ -127,9 +134,7 @@ class Case:
 
     def replays(self, added: tuple[Added, ...]) -> tuple[Replay, ...]:
         """One replay per log of the segment with these effects."""
-        key = tuple(
-            (one.key, tuple(one.values), one.held, tuple(one.values[h] for h in one.held)) for one in added
-        )
+        key = tuple(one.shape for one in added)
         if key not in self._replays:
             if len(self._replays) > 40:
                 self._replays.clear()

@@ -9,7 +9,7 @@ from delaytools.diagnosis.answer import NextExperiment
 from delaytools.diagnosis.case import Case
 from delaytools.diagnosis.fitting import Fitted
 from delaytools.diagnosis.trials import BIAS, DOUBLE, LOOP_BACK, SINE, TRIANGLE, Trial
-from delaytools.loop.port import find_port
+from delaytools.loop.port import find_port, written_behind
 
 __all__ = ["Words", "inseparable", "words"]
 
@@ -94,7 +94,7 @@ def _between(case: Case, one: Added, other: Added) -> tuple[str, ...]:
     loop = case.segment.loop
     order = list(case.segment.blocks)
     places = sorted(order.index(find_port(loop, a.at).element) for a in (one, other))
-    inner = [s for name in order[places[0] : places[1]] for s in loop[name].outputs.values()]
+    inner = [written_behind(loop, s) for name in order[places[0] : places[1]] for s in loop[name].outputs.values()]
     measured = {*case.exits, *case.records[0].names}
     return tuple(dict.fromkeys(s for s in inner if s not in measured))
 

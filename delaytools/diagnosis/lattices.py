@@ -9,7 +9,7 @@ from delaytools.diagnosis.fitting import Fitted
 from delaytools.diagnosis.places import spots
 from delaytools.loop.port import Port
 
-__all__ = ["lattice_step", "on_lattice", "quantisers_shown", "shown_as"]
+__all__ = ["lattice_step", "on_lattice", "quantisers_shown"]
 
 Array = NDArray[np.float64]
 SAME = 1e-3  # of a step: nearer than this, two lattices are one
@@ -33,7 +33,7 @@ def lattice_step(values: Array) -> float:
 
 def on_lattice(case: Case, port: Port) -> Added | None:
     """The quantiser at a measured output whose column lies on a lattice."""
-    exit = shown_as(case, port)
+    exit = case.exit_at(str(port))
     step = lattice_step(np.concatenate([m[:, exit] for m in case.measured])) if exit is not None else 0.0
     if not step:
         return None
@@ -49,18 +49,10 @@ def quantisers_shown(case: Case, fitted: Fitted, least: float) -> tuple[Added, .
     """
     outputs, found = case.outputs(fitted.added, fitted.values), []
     for port in (spot.port for spot in spots(case.segment) if spot.kind == "quantization"):
-        exit, one = shown_as(case, port), on_lattice(case, port)
+        exit, one = case.exit_at(str(port)), on_lattice(case, port)
         if exit is None or one is None or one.values["step"] / np.sqrt(12) < least * case.whitening[exit].rms:
             continue
         known = lattice_step(np.concatenate([rows[:, exit] for rows in outputs]))
         if abs(known - one.values["step"]) > SAME * one.values["step"]:
             found.append(one)
     return tuple(found)
-
-
-def shown_as(case: Case, port: Port) -> int | None:
-    """The exit that the port itself is, if it is one."""
-    element = case.segment.loop[port.element]
-    if port.kind == "output" and element.outputs[port.name] in case.exits:
-        return case.exits.index(element.outputs[port.name])
-    return None

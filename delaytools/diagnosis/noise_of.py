@@ -77,7 +77,7 @@ class Carried:
         Through a quantiser that is no share of the response: a little noise moves a switching row by as much as it
         is, and the jump there is the quantiser's whole step.
         """
-        key = (share, fitted.values, *((one.key, tuple(one.values.values())) for one in fitted.added))
+        key = (share, fitted.values, *((one.shape, tuple(one.values.values())) for one in fitted.added))
         if key not in self._found:
             self._found.clear() if len(self._found) > KEPT else None
             self._found[key] = self._response(case, fitted, share)

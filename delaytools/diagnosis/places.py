@@ -9,7 +9,7 @@ from delaytools.blocks.integrator import Integrator
 from delaytools.blocks.second_order import SecondOrder
 from delaytools.loop.loop import Element, Loop
 from delaytools.loop.network import position_of
-from delaytools.loop.port import Port, ports
+from delaytools.loop.port import Port, ports, read_at, written_behind
 from delaytools.loop.segments import Segment
 from delaytools.loop.values import resolve
 
@@ -34,10 +34,9 @@ class Spot:
 
 def changes_unit(loop: Loop, element: Element) -> bool:
     """Whether what leaves the block has another unit than what enters (a sensor, table or actuator keeps it)."""
-    entering = {
-        loop.units.get(name, "") for x in element.inputs.values() for name in x.names if name in loop.units
-    }
-    leaving = {loop.units.get(name, "") for name in element.outputs.values()}
+    read = (read_at(loop, port) for port in ports(element) if port.kind == "input")
+    entering = {loop.units[name] for x in read for name in x.names if name in loop.units}
+    leaving = {loop.units.get(written_behind(loop, name), "") for name in element.outputs.values()}
     return len(element.inputs) != 1 or len(element.outputs) != 1 or entering != leaving
 
 

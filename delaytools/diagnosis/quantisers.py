@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from delaytools.diagnosis.added import Added
 from delaytools.diagnosis.case import Case
-from delaytools.diagnosis.lattices import on_lattice, shown_as
+from delaytools.diagnosis.lattices import on_lattice
 from delaytools.diagnosis.places import Spot
 from delaytools.diagnosis.screen import Base, Screened, response
 from delaytools.diagnosis.views import View
@@ -50,7 +50,7 @@ def quantisations(base: Base, view: View, spots: Sequence[Spot]) -> list[Screene
 
 def _best_step(base: Base, spot: Spot, signals: tuple[Array, ...]) -> Screened | None:
     spread = float(np.std(np.concatenate(signals)))
-    shown = shown_as(base.case, spot.port)
+    shown = base.case.exit_at(str(spot.port))
     left = base.case.measured[0] - base.outputs[0]
     if spread <= 0 or (shown is None and not _above_noise(base.case, left)):
         return None

@@ -166,10 +166,10 @@ def _step(case: Case, fitted: Fitted, carried: Carried) -> tuple[Fitted | None, 
         two = pairs(base_of(rough, base), found, least=base.chi2 - tried[0].chi2)
         further += [((*base.added, *both), gain) for both, gain in two]
     tried = sorted([*tried, *_fits(rough, base, further)], key=_cost)
-    plain = [(added, np.inf) for one in tried[:NEAREST] if (added := plainer(one)) is not None]
-    constant = _fits(rough, base, plain)
-    swung = [(a, np.inf) for one in constant for a in richer(rough, one, least=WORTH_MORE * one.chi2)]
-    tried = sorted(_best_of_each([*tried, *constant, *_fits(rough, base, swung)]), key=_cost)
+    other = [(added, np.inf) for one in tried[:NEAREST] for added in (plainer(one), _ahead(one)) if added is not None]
+    changed = _fits(rough, base, other)
+    swung = [(a, np.inf) for one in changed for a in richer(rough, one, least=WORTH_MORE * one.chi2)]
+    tried = sorted(_best_of_each([*tried, *changed, *_fits(rough, base, swung)]), key=_cost)
     seen, again = _seen_through_the_best(case, rough, tried, carried)
     most = len(again[0].added)
     if most == len(base.added) + 2 and any(_spared(seen, again[0], most - k, carried) for k in (1, 2)):
@@ -190,14 +190,20 @@ def _seen_through_the_best(
 def _shown_first(case: Case, tried: list[Fitted]) -> list[Fitted]:
     """Hypotheses, cheapest first, but before all one that differs from the cheapest in nothing but the place of its
     last effect, which is measured: behind a gain an offset is another one at every port, and each is as good."""
-    ports = {f"{e.name}.{port}" for e in case.segment.loop.elements for port, s in e.outputs.items() if s in case.exits}
     best = tried[0]
     for place, one in enumerate(tried):
         rest, last = [a.key for a in one.added[:-1]], one.added[-1]
         alike = rest == [a.key for a in best.added[:-1]] and last.kind == best.added[-1].kind
-        if alike and last.at in ports and _cost(one) < _cost(best) + AS_GOOD:
+        if alike and case.exit_at(last.at) is not None and _cost(one) < _cost(best) + AS_GOOD:
             return [one, *tried[:place], *tried[place + 1 :]]
     return tried
+
+
+def _ahead(fitted: Fitted) -> tuple[Added, ...] | None:
+    """The hypothesis with its last effect ahead of the others at its port; None where it stands there alone."""
+    *rest, last = fitted.added
+    least = min((one.rank for one in rest if one.at == last.at), default=None)
+    return None if least is None else (*rest, replace(last, rank=least - 1))
 
 
 def _rubs_beside(fitted: Fitted, one: Added) -> bool:

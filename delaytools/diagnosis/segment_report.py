@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import t as student
 
-from delaytools.diagnosis.added import Added
+from delaytools.diagnosis.added import Added, places_in_file
 from delaytools.diagnosis.answer import (
     Confusable,
     Missing,
@@ -80,7 +80,7 @@ def segment_report(found: Finding) -> SegmentReport:
         for place, members in enumerate(sets)
         if members
     )
-    missing = tuple(_missing(found, k, certain=not sets[k] and not left) for k in range(len(fitted.added)))
+    missing = tuple(_missing(found, k, certain=not sets[k] and not left) for k in places_in_file(fitted.added))
     return SegmentReport(
         case.exits, case.outputs(fitted.added, fitted.values), _directions(case, fitted), case.whitening,
         missing, _ranking(found), confusable, _steps(found, adequate=not left), left, _tolerated(case, fitted),
@@ -173,9 +173,7 @@ def _missing(found: Finding, place: int, *, certain: bool) -> Missing:
 
 def shown_at(case: Case, one: Added) -> str:
     """The measured signal at which an effect shows: its own port where that is measured, else the first exit."""
-    block, _, name = one.at.partition(".")
-    signal = case.segment.loop[block].outputs.get(name, "")
-    return signal if signal in case.exits else case.exits[0]
+    return case.exits[case.exit_at(one.at) or 0]
 
 
 def _rival(case: Case, one: Fitted, best: Fitted, place: int = -1) -> Rival:
@@ -218,15 +216,16 @@ def _unexplained(case: Case, fitted: Fitted, sent: tuple[Array, ...]) -> tuple[U
         if bad or whole > LEFT:
             bad = [b for b in bands if b.probability < CHANCE]
             found.append(replace(_left(case, exit, bad, (white, inputs)), hint=hint(case, fitted, j)))
-        elif not _gates_noise(case, fitted, exit):
+        elif not _gates_noise(case, fitted, j):
             found += _uneven(case, (outputs[0], white, case.whitening[j].apply(sent[j])), exit)
     return tuple(found)
 
 
-def _gates_noise(case: Case, fitted: Fitted, exit: str) -> bool:
+def _gates_noise(case: Case, fitted: Fitted, exit: int) -> bool:
     """Whether the noise of an exit may pass an effect, at its port, that lets through now more, now less."""
-    ports = {f"{e.name}.{port}" for e in case.segment.loop.elements for port, s in e.outputs.items() if s == exit}
-    return any(one.at in ports and one.kind not in EVEN for one in fitted.added)
+    designed = [e.name.partition("#")[0].partition("@") for e in case.segment.loop.elements if "@" in e.name]
+    found = [(one.kind, one.at) for one in fitted.added] + [(kind, at) for kind, _, at in designed]
+    return any(case.exit_at(at) == exit and kind not in EVEN for kind, at in found)
 
 
 def _uneven(case: Case, rows: tuple[Array, Array, Array], exit: str) -> list[Unexplained]:
@@ -241,7 +240,7 @@ def _uneven(case: Case, rows: tuple[Array, Array, Array], exit: str) -> list[Une
     what = f"the rate of {one.signal}" if one.is_rate else one.signal
     words = f"what is left is {one.power:.1f} times as strong as in all where {what} is within " \
         f"{one.low:.3g} and {one.high:.3g}: noise is as strong everywhere"
-    return [Unexplained(exit, 1.0, (), words)]
+    return [Unexplained(exit, one.share, (), words)]
 
 
 def _left_over(case: Case, outputs: tuple[Array, ...]) -> tuple[Array, ...]:

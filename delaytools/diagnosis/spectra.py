@@ -86,10 +86,9 @@ def interferences(base: Base, spots: Sequence[Spot]) -> list[Screened]:
     spectra, filters = _whitened_spectra(base, 0, size)
     frequency = np.fft.rfftfreq(size, case.step)
     for spot in (s for s in spots if s.kind == "periodic_interference"):
-        signal = case.segment.loop[spot.port.element].outputs[spot.port.name]
-        if signal not in case.exits:
+        index = case.exit_at(str(spot.port))
+        if index is None:
             continue
-        index = case.exits.index(signal)
         power = np.abs(spectra[index]) ** 2 * 2 / len(case.records[0])
         power[: size // len(case.records[0])] = 0.0
         for peak in highest_lines(power, LINES, apart=2 * size // len(case.records[0])):

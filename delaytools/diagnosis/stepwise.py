@@ -8,9 +8,7 @@ from numpy.typing import NDArray
 from delaytools.blocks.block import Sampled
 from delaytools.diagnosis.added import Added
 from delaytools.diagnosis.case import Case
-from delaytools.diagnosis.lattices import shown_as
 from delaytools.diagnosis.screen import Base, Screened, response
-from delaytools.loop.port import find_port
 from delaytools.signals.record import Record
 
 __all__ = ["with_draws", "with_period_fitted"]
@@ -67,7 +65,7 @@ def _drawn(case: Case, at: str, period: float) -> tuple[Case, float]:
         instants = np.arange(0, time[-1] + 1e-9, period) + 1e-3 * case.step
         rows = np.unique(np.searchsorted(time, instants, side="right") - 1)  # one where a gap hides several
         flags = np.full(len(record), KEPT)
-        exit = shown_as(case, find_port(case.segment.loop, at))
+        exit = case.exit_at(at)
         if exit is not None:
             flags = _decided_at_once(case, (one, nominal), (log, column, rows), exit)
         else:

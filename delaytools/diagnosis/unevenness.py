@@ -28,13 +28,17 @@ FEWEST = 20.0  # degrees of freedom of a bin at least
 @final
 @dataclass(frozen=True)
 class Loudness:
-    """Where a residual is loudest: a signal's level or rate, within limits; power as a multiple of the mean."""
+    """Where a residual is loudest: a signal's level or rate, within limits; power as a multiple of the mean.
+
+    share: of all power, in the rows there.
+    """
 
     signal: str
     is_rate: bool
     low: float
     high: float
     power: float
+    share: float
 
 
 def loudest(residual: Array, signals: Mapping[str, Array], sent: Array, step: float) -> Loudness | None:
@@ -81,5 +85,6 @@ def _by_level(
             continue
         ratio = (float(own[here].mean()) - ALLOWED * float(allowed[here].mean())) / mean
         if ratio > LOUDER and chi2.sf(ratio * freedom, freedom) < CHANCE:
-            found.append(Loudness(*named, float(edges[k]), float(edges[k + 1]), ratio))
+            part = float(own[here].sum() / own.sum())
+            found.append(Loudness(*named, float(edges[k]), float(edges[k + 1]), ratio, part))
     return found

@@ -1,6 +1,7 @@
 """An effect that was found, in its richer form: a delay that varies, friction that is largest at breakaway."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +34,7 @@ def richer(case: Case, fitted: Fitted, *, least: float) -> list[tuple[Added, ...
     for place in places:
         other = ways[fitted.added[place].kind](base, place, least)
         if other is not None:
+            other = replace(other, rank=fitted.added[place].rank)
             found.append((*fitted.added[:place], *fitted.added[place + 1 :], other))
     return found
 
@@ -42,7 +44,7 @@ def plainer(fitted: Fitted) -> tuple[Added, ...] | None:
     if all(one.kind != "variable_delay" for one in fitted.added):
         return None
     return tuple(
-        Added("delay", one.at, {"delay": one.values["mean"]}) if one.kind == "variable_delay" else one
+        Added("delay", one.at, {"delay": one.values["mean"]}, rank=one.rank) if one.kind == "variable_delay" else one
         for one in fitted.added
     )
 

@@ -15,7 +15,7 @@ from delaytools.diagnosis.case import Case
 from delaytools.diagnosis.fitting import Fitted
 from delaytools.loop.loop import Loop
 from delaytools.loop.network import network
-from delaytools.loop.port import Port
+from delaytools.loop.port import Port, read_at, written_at
 from delaytools.loop.values import resolve
 from delaytools.signals.expression import Expression
 
@@ -42,11 +42,11 @@ class View:
         return self._at[str(port)]
 
     def _found_at(self, port: Port) -> tuple[Array, ...]:
-        element = self.loop[port.element] if port.kind == "input" else self.case.segment.loop[port.element]
+        element = self.loop[port.element]
         if port.kind == "input":
             return tuple(self.evaluated(element.inputs[port.name], log) for log in range(len(self.signals)))
         if port.kind == "output":
-            return tuple(known[element.outputs[port.name]] for known in self.signals)
+            return tuple(known[written_at(self.case.segment.loop, port)] for known in self.signals)
         out = next(iter(element.outputs.values()))
         return tuple(np.gradient(known[out], self.case.step) for known in self.signals)
 
@@ -62,14 +62,13 @@ class View:
         if port.kind == "input":
             names = loop[port.element].inputs[port.name].names
         else:
-            names = (self.case.segment.loop[port.element].outputs[port.name],)
+            names = (written_at(self.case.segment.loop, port),)
         held = self._held | {n for n in loop.externals if n.removesuffix("@read") in record.held}
         return all(name in held for name in names if name not in loop.parameters)
 
     def is_exit(self, port: Port) -> bool:
         """Whether the port's signal is measured as it leaves its block."""
-        element = self.case.segment.loop[port.element]
-        return port.kind == "output" and element.outputs[port.name] in self.case.exits
+        return self.case.exit_at(str(port)) is not None
 
     def before(self, port: Port, log: int) -> float:
         """The signal at a port before the first row: 0 where held signals were at rest then."""
@@ -106,16 +105,17 @@ class View:
 
         A force from a block's own input is a scale factor of it.
         """
-        element = self.case.segment.loop[port.element]
+        loop = self.case.segment.loop
+        element = loop[port.element]
         if port.kind == "derivative" and len(element.inputs) == 1 and not isinstance(element.block, Equations):
-            return next(iter(element.inputs.values())).text.strip() == signal
+            return read_at(loop, replace(port, kind="input", name=next(iter(element.inputs)))).text.strip() == signal
         if port.kind == "input":
-            return element.inputs[port.name].text.strip() == signal
-        return port.kind == "output" and element.outputs[port.name] == signal
+            return read_at(loop, port).text.strip() == signal
+        return port.kind == "output" and written_at(loop, port) == signal
 
     def state_rows(self, port: Port) -> tuple[Array, ...]:
         """The state on whose derivative the port acts, per log, from the outputs of its block."""
-        element = self.case.segment.loop[port.element]
+        element = self.loop[port.element]
         block = element.block
         if isinstance(block, Equations):
             for name, formula in block.formulas.items():
@@ -140,7 +140,7 @@ class View:
 
     def position(self, port: Port) -> float:
         """Largest magnitude of the position whose rate is the state at the port."""
-        element = self.case.segment.loop[port.element]
+        element = self.loop[port.element]
         if isinstance(element.block, SecondOrder):
             out = next(iter(element.outputs.values()))
             return max(float(np.abs(known[out]).max()) for known in self.signals)

@@ -21,13 +21,13 @@ from delaytools.blocks.delay import Delay
 from delaytools.blocks.lag import Lag
 from delaytools.blocks.rate_limiter import RateLimiter
 from delaytools.blocks.sample_hold import SampleHold
-from delaytools.diagnosis.added import Added, with_added
+from delaytools.diagnosis.added import FIRST_NUMBER, Added, with_added
 from delaytools.diagnosis.case import Case
 from delaytools.diagnosis.fitting import Fitted
 from delaytools.diagnosis.pushes import moves_as_measured
 from delaytools.diagnosis.views import View
 from delaytools.loop.loop import Element, Loop
-from delaytools.loop.port import Port
+from delaytools.loop.port import Port, written_at
 from delaytools.loop.values import resolve
 from delaytools.signals.record import Record
 from delaytools.simulation.replay import Replay
@@ -210,7 +210,7 @@ def _ticks(loop: Loop, port: Port, step: float) -> int:
 def own_way(view: View, one: Added) -> Element | None:
     """The element that the effect puts into the wire."""
     loop = with_added(view.case.segment.loop, (one,))
-    return next((element for element in loop.elements if element.name == one.name), None)
+    return next((element for element in loop.elements if element.path == f"effects.{FIRST_NUMBER}"), None)
 
 
 @final
@@ -328,8 +328,7 @@ def _behind(loop: Loop, port: Port) -> set[str]:
     for element in loop.elements:
         for name in _read_by(element):
             readers.setdefault(name, []).append(element.name)
-    element = loop[port.element]
-    first = [port.element] if port.kind != "output" else readers.get(element.outputs[port.name], [])
+    first = [port.element] if port.kind != "output" else readers.get(written_at(loop, port), [])
     waiting, found = list(first), set[str]()
     while waiting:
         name = waiting.pop()

@@ -5,7 +5,7 @@ from dataclasses import replace
 from delaytools.blocks.block import Block, Transport
 from delaytools.blocks.gain import Gain
 from delaytools.loop.loop import Element, Loop, Placed
-from delaytools.loop.port import Port
+from delaytools.loop.port import Port, written_at
 from delaytools.signals.expression import Expression, signal_expression
 from delaytools.signals.trouble import DesignError
 
@@ -39,7 +39,8 @@ def insert(
         return _placed(loop, host, new, before=True)
     if port.kind == "output":
         joint = f"{mark.name}.input"
-        last, signal = _last_writer(loop, host.outputs[port.name], host, port.name)
+        signal = written_at(loop, port)
+        last = loop[loop.writers[signal][0]]
         new = replace(
             mark, block=block, inputs={first: signal_expression(joint), **wiring}, outputs={"output": signal}
         )
@@ -48,13 +49,6 @@ def insert(
     raise DesignError(
         "this acts on a signal", where=str(port), found=f"a {port.kind} port", advice="use an input or output"
     )
-
-
-def _last_writer(loop: Loop, signal: str, host: Element, port: str) -> tuple[Element, str]:
-    while signal.endswith(".input"):
-        follower = next(e for e in loop.elements if any(x.text == signal for x in e.inputs.values()))
-        host, signal = follower, follower.outputs["output"]
-    return host, signal
 
 
 def _free_name(loop: Loop, name: str) -> str:

@@ -10,9 +10,10 @@ from delaytools.blocks.integrator import Integrator
 from delaytools.blocks.second_order import SecondOrder
 from delaytools.blocks.transfer_function import TransferFunction
 from delaytools.loop.loop import Element, Loop
+from delaytools.signals.expression import Expression
 from delaytools.signals.trouble import DesignError
 
-__all__ = ["Port", "derivative_states", "find_port", "ports"]
+__all__ = ["Port", "derivative_states", "find_port", "ports", "read_at", "written_at", "written_behind"]
 
 
 @final
@@ -52,6 +53,27 @@ def ports(element: Element) -> tuple[Port, ...]:
     if isinstance(element.block, Continuous):
         found += [Port(element.name, "derivative", name) for name in derivative_states(element)]
     return tuple(found)
+
+
+def read_at(loop: Loop, port: Port) -> Expression:
+    """What enters an input port as the design wires it, ahead of the effects that act there."""
+    found = loop[port.element].inputs[port.name]
+    while found.text.endswith(".output") and "@" in found.text:
+        found = next(iter(loop[loop.writers[found.text][0]].inputs.values()))
+    return found
+
+
+def written_behind(loop: Loop, signal: str) -> str:
+    """The named signal that leaves a chain of effects at an output, given what enters the chain."""
+    while signal.endswith(".input") and "@" in signal:
+        follower = next(e for e in loop.elements if any(x.text == signal for x in e.inputs.values()))
+        signal = follower.outputs["output"]
+    return signal
+
+
+def written_at(loop: Loop, port: Port) -> str:
+    """The signal that an output port writes, behind the effects that act there."""
+    return written_behind(loop, loop[port.element].outputs[port.name])
 
 
 def find_port(loop: Loop, text: str) -> Port:

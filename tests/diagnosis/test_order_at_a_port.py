@@ -1,0 +1,40 @@
+"""Effects at one port act in order along the signal; the one that is found first need not stand first."""
+
+import numpy as np
+import pytest
+
+from delaytools.diagnosis.added import Added, places_in_file
+from delaytools.diagnosis.noise_of import Carried
+from delaytools.diagnosis.search import search
+from delaytools.signals.stimulus import Multisine
+from tests.diagnosis.small_cases import ACTUATOR, planted
+
+WAVE = Multisine(amplitude=3.0, from_frequency=0.3, to_frequency=6.0, lines=25)
+LIMIT = Added("saturation", "act.output", {"limit": 2.0})
+OFFSET = Added("bias", "act.output", {"level": 1.5})
+
+
+@pytest.mark.parametrize("order", [(OFFSET, LIMIT), (LIMIT, OFFSET)], ids=["offset first", "limit first"])
+def test_the_order_at_a_port_is_found(order: tuple[Added, ...]) -> None:
+    found = search(planted(ACTUATOR, order, WAVE), Carried({"u": 0.0}))
+    fitted = found.fitted
+    places = places_in_file(fitted.added)
+    assert [fitted.added[k].kind for k in places] == [one.kind for one in order]
+    for place, one in zip(places, order, strict=True):
+        (name,) = one.values
+        path = f"effects.{1000 + place}.{name}"
+        assert fitted.by_path[path].value == pytest.approx(one.values[name], rel=0.02)
+
+
+def test_rank_orders_a_port_and_leaves_the_others() -> None:
+    lag = Added("lag", "act.input", {"time_constant": 0.01})
+    first = Added("bias", "act.output", {"level": 1.0}, rank=-1)
+    assert places_in_file((LIMIT, lag, first)) == (2, 1, 0)
+    case = planted(ACTUATOR, (OFFSET, LIMIT), WAVE)
+    other = (LIMIT, Added("bias", "act.output", {"level": 1.5}, rank=-1))
+    assert np.allclose(*(case.outputs(added, values)[0] for added, values in (
+        ((OFFSET, LIMIT), _values(case, (OFFSET, LIMIT))), (other, _values(case, other)))))  # fmt: skip
+
+
+def _values(case, added: tuple[Added, ...]) -> tuple[float, ...]:
+    return tuple(p.value for p in case.parameters(added))
