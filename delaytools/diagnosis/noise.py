@@ -12,6 +12,7 @@ from scipy.signal import lfilter
 __all__ = [
     "Whitening",
     "incoherent_spectrum",
+    "periodogram",
     "whitening",
     "wiener_part",
     "windowed_spectra",
@@ -97,6 +98,12 @@ def incoherent_spectrum(residual: Array, inputs: Array) -> tuple[Array, Array]:
     density[:2] = density[2]
     smooth = median_filter(density, size=9, mode="nearest")
     return np.fft.rfftfreq(window), np.maximum(smooth, 1e-300)
+
+
+def periodogram(residual: Array) -> tuple[Array, Array]:
+    """Frequency (cycles per row) and density of a residual (n,) that is noise in all, mean and slow drift included."""
+    density = np.abs(np.fft.rfft(residual)) ** 2 / len(residual)
+    return np.fft.rfftfreq(len(residual)), np.maximum(density, 1e-300)
 
 
 def whitening(frequency: Array, density: Array) -> Whitening:

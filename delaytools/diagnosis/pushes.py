@@ -56,7 +56,7 @@ def forces_on(view: View, one: Added) -> tuple[Array, ...] | None:
 
     None where it depends on a state that is not measured.
     """
-    plain = view.case.segment.loop
+    plain = view.loop
     port = find_port(plain, one.at)
     shown = _shown(plain, view.case.exits, port.element)
     formula, names = _added_rate(plain[port.element], with_added(plain, (one,))[port.element], plain, port)

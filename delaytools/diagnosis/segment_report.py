@@ -23,7 +23,13 @@ from delaytools.diagnosis.fitting import Fitted, fit_hypothesis, has_odd_rows
 from delaytools.diagnosis.heldout import PIECE, held_out, rms_band
 from delaytools.diagnosis.hint import hint
 from delaytools.diagnosis.next_experiment import next_experiment
-from delaytools.diagnosis.noise import Whitening, incoherent_spectrum, whitening, without_odd_rows
+from delaytools.diagnosis.noise import (
+    Whitening,
+    incoherent_spectrum,
+    periodogram,
+    whitening,
+    without_odd_rows,
+)
 from delaytools.diagnosis.noise_of import features, references
 from delaytools.diagnosis.quantities import quantities
 from delaytools.diagnosis.search import MOST, PENALTY, Finding
@@ -284,8 +290,8 @@ def _seen_plainly(case: Case, fitted: Fitted, adequate: bool) -> Case:
     filters = []
     for j in range(len(case.exits)):
         residual = without_odd_rows(left[0][:, j]) if has_odd_rows(case, fitted.added) else left[0][:, j]
-        inputs = np.zeros((len(residual), 0)) if adequate else references(case, 0)
-        filters.append(whitening(*incoherent_spectrum(residual, inputs)))
+        spectrum = periodogram(residual) if adequate else incoherent_spectrum(residual, references(case, 0))
+        filters.append(whitening(*spectrum))
     return case.whitened_by(tuple(filters))
 
 

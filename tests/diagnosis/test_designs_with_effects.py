@@ -12,13 +12,21 @@ from delaytools.diagnosis.places import spots
 from delaytools.diagnosis.search import search
 from delaytools.loop.segments import segments
 from delaytools.signals.stimulus import Multisine
-from tests.diagnosis.small_cases import CHAIN, planted
+from tests.diagnosis.small_cases import CHAIN, DRIVE, planted
 
 WAVE = Multisine(amplitude=3.0, from_frequency=0.3, to_frequency=6.0, lines=25)
 DESIGNED = {
-    "at the exit": 'type = "periodic_interference"\nat = "sensor.output"\namplitude = 0.3\nfrequency = "7 Hz"\nphase = 0.3',
-    "at the entry": 'type = "lag"\nat = "act.input"\ntime_constant = "8 ms"',
-    "between blocks": 'type = "bias"\nat = "act.output"\nlevel = "0.4 deg"',
+    "at the exit": """type = "periodic_interference"
+at = "sensor.output"
+amplitude = 0.3
+frequency = "7 Hz"
+phase = 0.3""",
+    "at the entry": """type = "lag"
+at = "act.input"
+time_constant = "8 ms\"""",
+    "between blocks": """type = "bias"
+at = "act.output"
+level = "0.4 deg\"""",
 }
 HIDDEN = {
     "offset": Added("bias", "sensor.output", {"level": 0.3}),
@@ -27,6 +35,14 @@ HIDDEN = {
     ),
     "play": Added("backlash", "act.input", {"half_width": 0.25}),
 }
+
+
+LATE_DRIVE = f"""{DRIVE}
+[[effects]]
+type = "delay"
+at = "drive.u"
+delay = "5 ms"
+"""
 
 
 def design(which: str) -> str:
@@ -48,3 +64,11 @@ def test_one_more_effect_is_found(designed: str, hidden: str) -> None:
 def test_effects_of_the_design_change_no_place(designed: str) -> None:
     plain, other = (segments(build(parse_design(text)), {"u", "y"})[0] for text in (CHAIN, design(designed)))
     assert spots(plain) == spots(other)
+
+
+def test_a_force_is_found_behind_a_delay_of_the_design() -> None:
+    true = Added("coulomb_friction", "drive.v'", {"level": 1.5, "smoothing": 0.01})
+    found = search(planted(LATE_DRIVE, (true,), WAVE, exit="v"), Carried({"u": 0.0}))
+    (one,) = found.fitted.added
+    assert one.key == true.key
+    assert found.fitted.by_path["effects.1000.level"].value == pytest.approx(1.5, rel=0.02)
