@@ -11,8 +11,8 @@ from scipy.signal import lfilter
 
 __all__ = [
     "Whitening",
+    "autoregression",
     "incoherent_spectrum",
-    "periodogram",
     "whitening",
     "wiener_part",
     "windowed_spectra",
@@ -100,10 +100,14 @@ def incoherent_spectrum(residual: Array, inputs: Array) -> tuple[Array, Array]:
     return np.fft.rfftfreq(window), np.maximum(smooth, 1e-300)
 
 
-def periodogram(residual: Array) -> tuple[Array, Array]:
-    """Frequency (cycles per row) and density of a residual (n,) that is noise in all, mean and slow drift included."""
+def autoregression(residual: Array) -> Whitening:
+    """The prediction-error filter of a residual (n,) that is noise in all, slow drift included, by least squares."""
+    order = min(ORDER, len(residual) // 4)
+    before = np.flip(np.lib.stride_tricks.sliding_window_view(residual[:-1], order), axis=1)
+    error = np.concatenate([[1.0], -np.linalg.lstsq(before, residual[order:], rcond=1e-12)[0]])
+    left = float(np.sqrt(np.mean(lfilter(error, [1.0], residual) ** 2)))
     density = np.abs(np.fft.rfft(residual)) ** 2 / len(residual)
-    return np.fft.rfftfreq(len(residual)), np.maximum(density, 1e-300)
+    return Whitening(error / max(left, 1e-150), float(np.std(residual)), np.fft.rfftfreq(len(residual)), density)
 
 
 def whitening(frequency: Array, density: Array) -> Whitening:

@@ -25,8 +25,8 @@ from delaytools.diagnosis.hint import hint
 from delaytools.diagnosis.next_experiment import next_experiment
 from delaytools.diagnosis.noise import (
     Whitening,
+    autoregression,
     incoherent_spectrum,
-    periodogram,
     whitening,
     without_odd_rows,
 )
@@ -290,8 +290,8 @@ def _seen_plainly(case: Case, fitted: Fitted, adequate: bool) -> Case:
     filters = []
     for j in range(len(case.exits)):
         residual = without_odd_rows(left[0][:, j]) if has_odd_rows(case, fitted.added) else left[0][:, j]
-        spectrum = periodogram(residual) if adequate else incoherent_spectrum(residual, references(case, 0))
-        filters.append(whitening(*spectrum))
+        seen = incoherent_spectrum(residual, references(case, 0))
+        filters.append(autoregression(residual) if adequate else whitening(*seen))
     return case.whitened_by(tuple(filters))
 
 

@@ -1,10 +1,12 @@
 """What is judged of a residual: folds that both tell the values apart, and noise that is as strong everywhere."""
 
 import numpy as np
+import pytest
 
 from delaytools.diagnosis.case import Rows
 from delaytools.diagnosis.fitting import Fitted
 from delaytools.diagnosis.heldout import held_out
+from delaytools.diagnosis.noise import autoregression
 from delaytools.diagnosis.unevenness import loudest
 from delaytools.signals.parameter import Parameter
 
@@ -43,3 +45,11 @@ def test_noise_of_the_inputs_may_be_sent_at_some_levels_only():
     shape /= np.sqrt(np.mean(shape**2))
     sent = 0.6 * np.random.default_rng(4).standard_normal(len(TIME)) * shape
     assert loudest(NOISE * shape, {"rate": SLOW}, sent, STEP) is None
+
+
+def test_a_rest_that_drifts_is_white_behind_its_own_filter():
+    drift = np.cumsum(np.cumsum(NOISE)) * 1e-6 + 1e-8 * np.random.default_rng(5).standard_normal(len(NOISE))
+    white = autoregression(drift).apply(drift)
+    assert np.sqrt(np.mean(white**2)) == pytest.approx(1.0, abs=1e-9)
+    slow = np.abs(np.fft.rfft(white)[:20]) ** 2 / len(white)
+    assert slow.mean() < 3.0
