@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, final
 
-from delaytools.blocks.block import Specification, flat_values, specifications
+from delaytools.blocks.block import Specification, specifications
 from delaytools.design.catalogue import EFFECTS, PARAMETER_CHANGE
 from delaytools.effects.effect import Effect, Place
 from delaytools.effects.parameter_change import ParameterChange
@@ -12,7 +12,7 @@ from delaytools.loop.loop import Loop
 from delaytools.loop.port import find_port
 from delaytools.signals.parameter import Parameter
 
-__all__ = ["Added", "places_in_file", "with_added"]
+__all__ = ["Added", "is_added", "path_of", "places_in_file", "with_added"]
 
 NUISANCE = ("smoothing",)
 FIRST_NUMBER = 1000  # effects of a hypothesis are numbered from here, behind those of any design
@@ -93,19 +93,26 @@ class Added:
             ends = self.limits.get(name, (low, spec.high))
             low, high = max(low, ends[0]), min(spec.high, ends[1])
             found.append(
-                Parameter(f"{_path(number)}.{name}", value, low=min(low, value), high=max(high, value))
+                Parameter(path_of(number, name), value, low=min(low, value), high=max(high, value))
             )
         return tuple(found)
 
 
-def _path(number: int) -> str:
-    return f"effects.{FIRST_NUMBER + number}"
+def path_of(place: int, name: str = "") -> str:
+    """The path of an effect of a hypothesis by its place, or of its value of that name."""
+    return f"effects.{FIRST_NUMBER + place}" + (f".{name}" if name else "")
+
+
+def is_added(path: str) -> bool:
+    """Whether a path is that of a hypothesis's effect, not of the design's."""
+    first, _, rest = path.partition(".")
+    return first == "effects" and int(rest.partition(".")[0]) >= FIRST_NUMBER
 
 
 def with_added(loop: Loop, added: tuple[Added, ...]) -> Loop:
     """The loop with these effects, numbered in order, each at its port behind those of lower rank."""
     for number, one in sorted(enumerate(added), key=lambda item: item[1].rank):
-        loop = one.effect().apply(loop, Place(find_port(loop, one.at), one.name, _path(number)))
+        loop = one.effect().apply(loop, Place(find_port(loop, one.at), one.name, path_of(number)))
     return loop
 
 
@@ -117,12 +124,3 @@ def places_in_file(added: tuple[Added, ...]) -> tuple[int, ...]:
         for k, place in zip(own, sorted(own, key=lambda k: added[k].rank), strict=True):
             places[k] = place
     return tuple(places)
-
-
-def block_values(loop: Loop, block: str) -> dict[str, float]:
-    """The numbers of a block that may be wrong, by name."""
-    return {
-        name: float(raw)
-        for name, raw in flat_values(loop[block].block).items()
-        if isinstance(raw, int | float)
-    }

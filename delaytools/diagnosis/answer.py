@@ -41,7 +41,7 @@ class Missing:
 @final
 @dataclass(frozen=True)
 class Rival:
-    """A candidate after its fit. held_out_rms: whitened, 1 = noise. evidence: χ² better (+) than without it, held out.
+    """A candidate after its fit. held_out_rms: whitened, 1 = noise. evidence: held-out χ² better (+) than no effect.
 
     delta_chi2: χ² worse than the best candidate. with_effects: what stood beside it in the fit.
     """

@@ -18,7 +18,7 @@ from delaytools.estimation.noise_level import difference_noise
 from delaytools.loop.loop import Element, Loop
 from delaytools.loop.port import find_port, written_at
 from delaytools.loop.segments import Segment
-from delaytools.loop.values import with_numbers
+from delaytools.loop.values import value_paths, with_numbers
 from delaytools.signals.expression import Expression
 from delaytools.signals.parameter import Parameter
 from delaytools.signals.record import Record
@@ -319,18 +319,29 @@ def prepared_case(
     segment: Segment, records: tuple[Record, ...], tolerated: tuple[Parameter, ...], at_rest: frozenset[str]
 ) -> Case:
     """The case of a segment, without filters yet; `tolerated` may name values of other segments, left out here."""
-    homes = {element.path for element in segment.loop.elements} | {"parameters"}
-    named = {f"parameters.{name}" for e in segment.loop.elements for name in _names(e)}
-    own = tuple(
-        p for p in tolerated if (p.path.rpartition(".")[0] in homes and not p.path.startswith("parameters."))
-        or p.path in named
-    )  # fmt: skip
+    read = {f"parameters.{name}" for name in _parameters_read(segment.loop)}
+    known = {path for path in value_paths(segment.loop) if not path.startswith("parameters.") or path in read}
+    own = tuple(p for p in tolerated if p.path in known)
     measured = tuple(np.stack([r[exit] for exit in segment.exits], axis=1) for r in records)
     return Case(segment, records, measured, own, at_rest)
 
 
+def _parameters_read(loop: Loop) -> set[str]:
+    """Names of [parameters] that the loop's elements read, themselves or through other parameters."""
+    waiting = [name for element in loop.elements for name in _names(element)]
+    found = set[str]()
+    while waiting:
+        name = waiting.pop()
+        if name in loop.parameters and name not in found:
+            found.add(name)
+            formula = loop.parameters[name]
+            waiting.extend(formula.names if isinstance(formula, Expression) else ())
+    return found
+
+
 def _names(element: Element) -> set[str]:
-    """Names that an element's wiring and values read."""
-    formulas = [*element.inputs.values(), *flat_values(element.block).values()]
+    """Names that an element's wiring and values read, its effects' included."""
+    homes = (element.block, *(placed.modifier for placed in element.modifiers))
+    values = [item for home in homes for item in flat_values(home).values()]
     shared = element.block.shared if isinstance(element.block, Equations) else ()
-    return {name for x in formulas if isinstance(x, Expression) for name in x.names} | set(shared)
+    return {n for x in (*element.inputs.values(), *values) if isinstance(x, Expression) for n in x.names} | set(shared)

@@ -9,7 +9,9 @@ from delaytools.diagnosis.answer import NextExperiment
 from delaytools.diagnosis.case import Case
 from delaytools.diagnosis.fitting import Fitted
 from delaytools.diagnosis.trials import BIAS, DOUBLE, LOOP_BACK, SINE, TRIANGLE, Trial
+from delaytools.loop.network import network
 from delaytools.loop.port import find_port, written_behind
+from delaytools.loop.values import resolve
 
 __all__ = ["Words", "inseparable", "words"]
 
@@ -92,7 +94,8 @@ def inseparable(
 def _between(case: Case, one: Added, other: Added) -> tuple[str, ...]:
     """Signals between the places of two effects that are not measured."""
     loop = case.segment.loop
-    order = list(case.segment.blocks)
+    along = dict.fromkeys(name for name, _ in network(resolve(loop)).order)
+    order = [name for name in along if name in case.segment.blocks]
     places = sorted(order.index(find_port(loop, a.at).element) for a in (one, other))
     inner = [written_behind(loop, s) for name in order[places[0] : places[1]] for s in loop[name].outputs.values()]
     measured = {*case.exits, *case.records[0].names}

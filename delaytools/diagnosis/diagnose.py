@@ -1,5 +1,6 @@
 """Which physical effect is missing: logs against a design, segment by segment."""
 
+import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -11,13 +12,13 @@ from numpy.typing import NDArray
 from delaytools.design.build import build
 from delaytools.design.design import Design
 from delaytools.design.tolerance import tolerances
-from delaytools.diagnosis.answer import Diagnosis, Interrupted, Step
+from delaytools.diagnosis.answer import Diagnosis, Interrupted, Quantity, Step
 from delaytools.diagnosis.case import prepared_case
 from delaytools.diagnosis.driving import driven_best
 from delaytools.diagnosis.extent import searched_rows
 from delaytools.diagnosis.noise import Whitening, wiener_part
 from delaytools.diagnosis.noise_of import EXACT, Carried, column_noise
-from delaytools.diagnosis.runs import as_logged, differing, held_by_design, pieces_in_words, pieces_of
+from delaytools.diagnosis.runs import as_logged, differing, pieces_in_words, pieces_of
 from delaytools.diagnosis.search import search
 from delaytools.diagnosis.segment_report import SegmentReport, segment_report
 from delaytools.diagnosis.workers import workers
@@ -26,6 +27,7 @@ from delaytools.loop.network import network
 from delaytools.loop.segments import Segment, segments
 from delaytools.loop.values import resolve
 from delaytools.measurement.log_checks import check_raster
+from delaytools.measurement.segment_runs import held_by_design
 from delaytools.measurement.staircase import with_staircases_held
 from delaytools.signals.record import Record
 from delaytools.signals.trouble import AnalysisError
@@ -96,6 +98,8 @@ def diagnose(
     """
     begin = time.monotonic()
     effort = effort or Effort()
+    if not records:
+        raise AnalysisError("no log to compare with", advice="give at least one log")
     each = _configurations(configuration, len(records))
     loop = build(design, each[0])
     part, left_out = searched_rows(records)
@@ -138,15 +142,13 @@ def _cut_short(
 def _configurations(given: str | Sequence[str | None] | None, logs: int) -> Sequence[str | None]:
     """The configuration of each log."""
     if given is None or isinstance(given, str):
-        return [given] * max(logs, 1)
+        return [given] * logs
     if len(given) != logs:
         raise AnalysisError("one configuration per log", found=f"{len(given)} for {logs}")
     return given
 
 
 def _prepared(loop: Loop, records: Sequence[Record]) -> tuple[tuple[Record, ...], tuple[str, ...]]:
-    if not records:
-        raise AnalysisError("no log to compare with", advice="give at least one log")
     held = network(resolve(loop)).held_signals
     found, words = [], []
     for record in records:
@@ -241,11 +243,29 @@ def _answer(reports: list[SegmentReport], words: tuple[str, ...], seconds: float
             key=lambda one: one.expected_delta_chi2,
             default=None,
         ),
-        tolerated={path: value for report in reports for path, value in report.tolerated.items()},
+        tolerated=_tolerated(reports),
         notes=(*words, *(note for report in reports for note in report.notes)),
         budget_exhausted=any(report.exhausted for report in reports),
         seconds=seconds,
     )
+
+
+def _tolerated(reports: list[SegmentReport]) -> dict[str, Quantity]:
+    """Fitted values by path; of one that several segments fit, the mean weighted by their variances."""
+    found: dict[str, list[Quantity]] = {}
+    for report in reports:
+        for path, one in report.tolerated.items():
+            found.setdefault(path, []).append(one)
+    return {path: _mean(ones) for path, ones in found.items()}
+
+
+def _mean(found: Sequence[Quantity]) -> Quantity:
+    sure = [one for one in found if math.isfinite(one.std) and one.std > 0]
+    if len(found) == 1 or not sure:
+        return found[0]
+    weights = np.array([one.std**-2.0 for one in sure])
+    value = float(weights @ np.array([one.value for one in sure]) / weights.sum())
+    return replace(sure[0], value=value, std=float(weights.sum() ** -0.5))
 
 
 def _ladder(reports: list[SegmentReport]) -> tuple[tuple[Step, Band], ...]:

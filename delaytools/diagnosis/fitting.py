@@ -7,7 +7,7 @@ from typing import final
 import numpy as np
 from numpy.typing import NDArray
 
-from delaytools.diagnosis.added import Added
+from delaytools.diagnosis.added import Added, is_added, path_of
 from delaytools.diagnosis.case import Case
 from delaytools.estimation.least_squares import estimate
 from delaytools.signals.parameter import Parameter
@@ -83,7 +83,7 @@ def fit_hypothesis(
     known = near.by_path if near else {}
     start = [
         Parameter(p.path, _inside(known[p.path].value, p), low=p.low, high=p.high)
-        if p.path in known and not p.path.startswith("effects.1")
+        if p.path in known and not is_added(p.path)
         else p
         for p in case.parameters(added)
     ]
@@ -154,6 +154,6 @@ def placed(added: tuple[Added, ...], parameters: tuple[Parameter, ...]) -> tuple
     """The effects with the values of these parameters, numbered in their order."""
     by_path = {p.path: p.value for p in parameters}
     return tuple(
-        one.moved({name: by_path[f"effects.{1000 + k}.{name}"] for name in one.free})
+        one.moved({name: by_path[path_of(k, name)] for name in one.free})
         for k, one in enumerate(added)
     )

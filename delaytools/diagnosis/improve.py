@@ -86,8 +86,8 @@ def _named(diagnosis: Diagnosis, effect: str) -> Missing:
     """The effect of that name among what was diagnosed, else among its rivals."""
     kind, _, at = effect.partition("@")
     for one in diagnosis.missing:
-        if one.effect == kind and at in (one.at, *one.also_at):
-            return Missing(one.effect, at, one.signal, one.parameters, one.settings, one.certain)
+        if (one.effect, one.at) == (kind, at):
+            return one
     listed = [(s, r) for s, rivals in diagnosis.ranking.items() for r in rivals]
     listed += [(group.signal, r) for group in diagnosis.confusable for r in group.members]
     for signal, rival in listed:
@@ -106,6 +106,8 @@ def _plain_value(design: Design, one: Missing, configuration: str | None) -> str
     """The path of the block's value that changes, where it is a number of the base that nothing overrides."""
     kind, _, name = one.effect.partition(":")
     if kind != PARAMETER_CHANGE:
+        return None
+    if any((e.get("type"), e.get("at")) == (one.effect, one.at) for e in design.data.get("effects", [])):
         return None
     path = f"{one.at}.{name}"
     chain, tables = configuration, design.tables.configurations

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delaytools.design.inputs import Setting, stimulus
-from delaytools.diagnosis.added import FIRST_NUMBER, with_added
+from delaytools.diagnosis.added import path_of, with_added
 from delaytools.diagnosis.answer import NextExperiment
 from delaytools.diagnosis.case import Case
 from delaytools.diagnosis.deciding import inseparable, words
@@ -215,7 +215,7 @@ class _Bench:
 def _resolved(fitted: Fitted, step: float) -> Fitted:
     """The hypothesis with friction smooth enough that one step per row resolves it."""
     least = {
-        f"effects.{FIRST_NUMBER + k}.smoothing": abs(one.values["level"]) * step
+        path_of(k, "smoothing"): abs(one.values["level"]) * step
         for k, one in enumerate(fitted.added)
         if "smoothing" in one.free and "level" in one.values
     }

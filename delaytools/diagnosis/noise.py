@@ -1,5 +1,6 @@
 """What of a residual is noise: its spectrum where no input explains it, and the filter that makes it white."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import final
 
@@ -100,14 +101,20 @@ def incoherent_spectrum(residual: Array, inputs: Array) -> tuple[Array, Array]:
     return np.fft.rfftfreq(window), np.maximum(smooth, 1e-300)
 
 
-def autoregression(residual: Array) -> Whitening:
-    """The prediction-error filter of a residual (n,) that is noise in all, slow drift included, by least squares."""
-    order = min(ORDER, len(residual) // 4)
-    before = np.flip(np.lib.stride_tricks.sliding_window_view(residual[:-1], order), axis=1)
-    error = np.concatenate([[1.0], -np.linalg.lstsq(before, residual[order:], rcond=1e-12)[0]])
-    left = float(np.sqrt(np.mean(lfilter(error, [1.0], residual) ** 2)))
-    density = np.abs(np.fft.rfft(residual)) ** 2 / len(residual)
-    return Whitening(error / max(left, 1e-150), float(np.std(residual)), np.fft.rfftfreq(len(residual)), density)
+def autoregression(residuals: Sequence[Array]) -> Whitening:
+    """The prediction-error filter of residuals (n,) of several logs that are noise in all, slow drift included.
+
+    By least squares; the density is that of the longest.
+    """
+    longest = max(residuals, key=len)
+    order = min(ORDER, min(map(len, residuals)) // 4)
+    windows = [np.flip(np.lib.stride_tricks.sliding_window_view(r[:-1], order), axis=1) for r in residuals]
+    next_rows = np.concatenate([r[order:] for r in residuals])
+    error = np.concatenate([[1.0], -np.linalg.lstsq(np.concatenate(windows), next_rows, rcond=1e-12)[0]])
+    left = float(np.sqrt(np.mean(np.concatenate([lfilter(error, [1.0], r) for r in residuals]) ** 2)))
+    density = np.abs(np.fft.rfft(longest)) ** 2 / len(longest)
+    size = float(np.std(np.concatenate(residuals)))
+    return Whitening(error / max(left, 1e-150), size, np.fft.rfftfreq(len(longest)), density)
 
 
 def whitening(frequency: Array, density: Array) -> Whitening:

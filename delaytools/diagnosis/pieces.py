@@ -12,6 +12,7 @@ from delaytools.blocks.block import Continuous
 from delaytools.diagnosis.noise import Whitening
 from delaytools.loop.loop import Element, Loop
 from delaytools.loop.network import Key, position_of
+from delaytools.loop.port import written_behind
 from delaytools.loop.values import resolve
 from delaytools.signals.record import Record
 
@@ -48,17 +49,17 @@ def starts_shown(loop: Loop, record: Record, rows: Sequence[int]) -> tuple[tuple
     """
     whole = resolve(loop)
     blocks = [e for e in whole.elements if isinstance(e.block, Continuous) and e.block.states]
-    return tuple((row, {k: v for e in blocks for k, v in _shown(e, record, row).items()}) for row in rows)
+    return tuple((row, {k: v for e in blocks for k, v in _shown(whole, e, record, row).items()}) for row in rows)
 
 
-def _shown(element: Element, record: Record, row: int) -> dict[Key, float]:
+def _shown(loop: Loop, element: Element, record: Record, row: int) -> dict[Key, float]:
     block = element.block
     assert isinstance(block, Continuous)
     found = {s: float(v) for s, v in zip(block.states, block.initial_state, strict=True)}
     x, u = [ca.SX.sym(s) for s in block.states], [ca.SX.sym(name) for name in block.inputs]
     for port, formula in zip(block.outputs, block.output(ca.SX.sym("t"), x, u), strict=True):
         for state, symbol in zip(block.states, x, strict=True):
-            signal = element.outputs[port]
+            signal = written_behind(loop, element.outputs[port])
             if signal in record and isinstance(formula, ca.SX) and ca.is_equal(formula, symbol, 1):
                 found[state], slope = _value_and_slope(record, signal, row)
                 found |= {rate: slope for rate in block.states if rate != state and position_of(block, rate) == state}

@@ -6,7 +6,6 @@ from typing import final
 from delaytools.blocks.block import Block, Continuous, Sampled, flat_values
 from delaytools.blocks.equations import Equations
 from delaytools.blocks.integrator import Integrator
-from delaytools.blocks.second_order import SecondOrder
 from delaytools.loop.loop import Element, Loop
 from delaytools.loop.network import position_of
 from delaytools.loop.port import Port, ports, read_at, written_behind
@@ -117,8 +116,3 @@ def _scaling_names(block: object) -> tuple[str, ...]:
     leading = ("denominator[0]",) if "denominator[0]" in values else ()
     alone = ("numerator[0]",) if "numerator[0]" in values and "numerator[1]" not in values else ()
     return leading + alone
-
-
-def is_second_order(element: Element) -> bool:
-    """Whether the block is a second-order element, whose own speed can be limited."""
-    return isinstance(element.block, SecondOrder)

@@ -4,6 +4,7 @@ from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import replace
 
+from delaytools.blocks.block import Sampled
 from delaytools.diagnosis.added import Added
 from delaytools.diagnosis.case import Case
 from delaytools.diagnosis.fitting import Fitted, at_values, fit_hypothesis
@@ -16,6 +17,8 @@ from delaytools.diagnosis.starts import candidates
 from delaytools.diagnosis.stepwise import with_period_fitted
 from delaytools.diagnosis.swings import swings
 from delaytools.diagnosis.windows import transients, with_edges_fitted
+from delaytools.loop.port import find_port
+from delaytools.loop.values import resolve
 
 __all__ = ["PENALTY", "proposals", "sharpened_again", "shortlisted"]
 
@@ -52,10 +55,12 @@ def _all(base: Base) -> list[Screened]:
 
 def _dropped(base: Base) -> list[Screened]:
     """Dropped frames where the logs show them, by the share that was lost."""
-    found = []
+    found, loop = [], resolve(base.case.segment.loop)
     for at, share in base.case.lost.items():
-        if share > 0:
-            error = {"probability": (share * (1 - share) * base.case.step / base.case.duration) ** 0.5}
+        block = loop[find_port(loop, at).element].block
+        if share > 0 and isinstance(block, Sampled):
+            updates = sum(r.time[-1] - r.time[0] for r in base.case.records) / float(block.period)
+            error = {"probability": (share * (1 - share) / updates) ** 0.5}
             one = Added(
                 "dropped_frames", at, {"probability": share}, {}, frozenset({"probability"}), {}, error
             )

@@ -5,7 +5,7 @@ import math
 from delaytools.blocks.block import specifications
 from delaytools.design.catalogue import EFFECTS
 from delaytools.design.entries import place_units
-from delaytools.diagnosis.added import FIRST_NUMBER, Added
+from delaytools.diagnosis.added import Added, path_of
 from delaytools.diagnosis.answer import Quantity
 from delaytools.diagnosis.fitting import Fitted
 from delaytools.loop.loop import Loop
@@ -25,7 +25,7 @@ def quantities(loop: Loop, fitted: Fitted, place: int) -> dict[str, Quantity]:
     found = {}
     for name in one.reported:
         value = one.values[name]
-        std = one.errors.get(name, stds.get(f"effects.{FIRST_NUMBER + place}.{name}", math.nan))
+        std = one.errors.get(name, stds.get(path_of(place, name), math.nan))
         found[name] = Quantity(value, _std(loop, one, name, std), _unit(loop, one, name))
     return found
 

@@ -18,15 +18,10 @@ from delaytools.signals.record import Record
 from delaytools.signals.trouble import AnalysisError
 from delaytools.signals.units import convert, quantity
 
-__all__ = ["as_logged", "differing", "held_by_design", "pieces_in_words", "pieces_of"]
+__all__ = ["as_logged", "differing", "pieces_in_words", "pieces_of"]
 
 _COMPARED = {"<": np.less, "<=": np.less_equal, ">": np.greater, ">=": np.greater_equal}
 _COMPARISON = re.compile(r"(.+?)(<=|>=|<|>)(.+)")
-
-
-def held_by_design(design: Design, record: Record) -> Record:
-    """The record with the columns marked as held that [log] says are."""
-    return replace(record, held=record.held | (frozenset(design.tables.log.held) & frozenset(record.names)))
 
 
 def pieces_of(

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from delaytools.blocks.block import specifications
 from delaytools.design.catalogue import EFFECTS
-from delaytools.diagnosis.added import FIRST_NUMBER, Added
+from delaytools.diagnosis.added import Added, path_of
 from delaytools.diagnosis.case import Case
 from delaytools.diagnosis.fitting import Fitted
 from delaytools.diagnosis.pushes import forces_on
@@ -133,7 +133,7 @@ def _whitened(base: Base, change: tuple[Array, ...] | None) -> Array | None:
 
 def _simulated(base: Base, added: tuple[Added, ...], other: int | None = None) -> tuple[Array, ...] | None:
     """How the exits move with these effects, of which that at the place `other` is at its own values."""
-    mine = f"effects.{FIRST_NUMBER + other}." if other is not None else " "
+    mine = f"{path_of(other)}." if other is not None else " "
     known = {p.path: p.value for p in base.fitted.parameters if not p.path.startswith(mine)}
     values = tuple(known.get(p.path, p.value) for p in base.case.parameters(added))
     try:

@@ -9,29 +9,23 @@ from numpy.typing import NDArray
 from delaytools.diagnosis.added import Added
 from delaytools.diagnosis.case import Case
 from delaytools.diagnosis.driving import nominal
-from delaytools.diagnosis.fitting import STEPS, TOLERANCE, Fitted, fit_hypothesis, has_odd_rows
-from delaytools.diagnosis.heldout import HeldOut, held_out
+from delaytools.diagnosis.fitting import STEPS, TOLERANCE, Fitted, fit_hypothesis
 from delaytools.diagnosis.joint_start import making_room
 from delaytools.diagnosis.lattices import quantisers_shown
-from delaytools.diagnosis.noise import incoherent_spectrum
 from delaytools.diagnosis.noise_of import CLEANED, EXACT, Carried, column_noise, noise_of
 from delaytools.diagnosis.pairs import pairs
 from delaytools.diagnosis.proposals import PENALTY, proposals, sharpened_again
 from delaytools.diagnosis.screen import base_of
 from delaytools.diagnosis.stepwise import with_draws
 from delaytools.diagnosis.upgrades import plainer, richer
+from delaytools.diagnosis.worth import PART_OF_NOISE, objection
 from delaytools.signals.trouble import DelaytoolsError
 
 __all__ = ["Finding", "search"]
 
 Array = NDArray[np.float64]
-NAMED = 60.0  # held-out χ² that an effect must be worth
-PART_OF_NOISE = 0.25  # of the noise rms that an effect must contribute
-IN_A_BAND = 1.5  # times the noise density, where an effect is small in all
 MOST = 3
 FINEST, RESOLVED = 8, 2.0  # times finer than usual steps at most, and χ² that half the step may still change
-LUCK = 3.5  # standard errors over rows by which an effect must win (Vuong 1989): noise in spikes pays by chance
-SHORTEST = 0.5  # rows: a shorter delay or lag may be the way in which rows are joined
 QUICK = 1e-4
 FEW, MORE = 4, 10  # runs of a first fit that only ranks, and of one that is worth going on with
 HALF = 0.5  # of what the best took off: what took off less after a few runs is left
@@ -51,17 +45,16 @@ FAR = 0.3  # of a design's value: where a fit has moved one further, it may stan
 class Finding:
     """What a search found in one segment.
 
-    case: with the filters of the last hypothesis. null, fitted: without and with the effects. steps: the hypotheses on
-    the way. rivals: per effect, other candidates fitted in its place. small: significant, but below the noise. sent:
-    per exit (n,), what noise left in cleaned inputs may do along the first log.
+    case: with the filters of the last hypothesis. null, fitted: without and with the effects. rivals: per effect, other
+    candidates fitted in its place. refused: the best effect more, and why it is not one. sent: per exit (n,), what
+    noise left in cleaned inputs may do along the first log.
     """
 
     case: Case
     null: Fitted
     fitted: Fitted
-    steps: tuple[Fitted, ...]
     rivals: tuple[tuple[Fitted, ...], ...]
-    small: tuple[Added, ...]
+    refused: tuple[Added, str] | None
     sent: tuple[Array, ...]
     exhausted: bool
 
@@ -73,30 +66,31 @@ def search(case: Case, carried: Carried, *, deadline: float = np.inf) -> Finding
         case = with_draws(case)
     null = fit_hypothesis(case, ())
     case, null = _rewhitened(case, null, carried)
-    fitted, steps, small = null, [null], []
+    fitted, refused = null, None
     rivals: list[list[Fitted]] = []
-    while len(fitted.added) < MOST and _left(case, fitted) > NAMED + PENALTY and not case.is_late:
+    while len(fitted.added) < MOST and not case.is_late:
         best, others, seen = _step(case, fitted, carried)
         if best is None:
             break
         seen, best, others = _resolved(seen, best, others)
         before = _refit(seen, fitted)
-        if before is not None and not _worthwhile(seen, before, best, carried):
-            small.append(best.added[-1])
+        why = "" if before is None else objection(seen, before, best, carried)
+        if why:
+            refused = best.added[-1], why
             break
         kept = [k for k, one in enumerate(fitted.added) if one.key in {b.key for b in best.added}]
         new = len(best.added) - len(kept)
         rivals = [*(rivals[k] for k in kept), *([] for _ in range(new - 1)), others]
         case, fitted = seen, best
-        steps.append(fitted)
     case, fitted, rivals = _swapped(case, fitted, rivals, carried)
     case, fitted, rivals = _pruned(case, fitted, rivals, carried)
     for one in quantisers_shown(case, fitted, PART_OF_NOISE):
         case, fitted = _rewhitened(case, replace(fitted, added=(*fitted.added, one)), carried)
         rivals.append([])
+    rivals = [_beside_the_rest(case, fitted, place, group) for place, group in enumerate(rivals)]
     null = fit_hypothesis(case, (), near=null)
     sent = carried.through(case, fitted, share=CLEANED)
-    return Finding(case, null, fitted, tuple(steps), tuple(map(tuple, rivals)), tuple(small), sent, case.is_late)
+    return Finding(case, null, fitted, tuple(map(tuple, rivals)), refused, sent, case.is_late)
 
 
 def _rewhitened(case: Case, fitted: Fitted, carried: Carried) -> tuple[Case, Fitted]:
@@ -122,11 +116,6 @@ def _resolved(case: Case, best: Fitted, others: list[Fitted]) -> tuple[Case, Fit
         return case, best, others
     first, *rest = _again(case, [best, *others], best)
     return case, first, rest
-
-
-def _left(case: Case, fitted: Fitted) -> float:
-    """χ² that an effect more could take off."""
-    return float(len(fitted.residual)) if case.pieces else fitted.chi2
 
 
 def _is_loud(case: Case, fitted: Fitted, carried: Carried) -> bool:
@@ -297,57 +286,6 @@ def _cost(one: Fitted) -> float:
     return one.chi2 + PENALTY * one.size
 
 
-def judged(case: Case, fitted: Fitted) -> HeldOut:
-    """A hypothesis on data not used for its fit."""
-    return held_out(fitted, case.rows)
-
-
-def _worthwhile(case: Case, before: Fitted, after: Fitted, carried: Carried, place: int = -1) -> bool:
-    """Whether the effect at a place pays on held-out data, is not lost in the noise, and is longer than rows can tell.
-
-    before: the hypothesis without it.
-    """
-    known = after.added[place].values
-    if any(known.get(name, np.inf) < SHORTEST * case.step for name in ("delay", "time_constant")):
-        return False
-    if has_odd_rows(case, after.added):  # what they leave out is no gain
-        before = replace(before, residual=case.without_odd_rows(before.residual))
-    now, then = judged(case, after), judged(case, before)
-    gain, _ = now.better_than(then)
-    if gain < max(NAMED + PENALTY * (after.size - before.size - 1), LUCK * now.luck_beside(then)):
-        return False
-    return matters(case, before, after, carried, place)
-
-
-def matters(case: Case, before: Fitted, after: Fitted, carried: Carried, place: int = -1) -> bool:
-    """Whether the effect at a place contributes more than a part of the noise, in all or in some band."""
-    log = 0
-    kept = case.outputs(after.added, after.values)[log]
-    lost = _taken_out(case, after, place) or case.outputs(before.added, before.values)
-    none, sent = np.zeros((len(kept), 0)), carried.through(case, after)
-    for j in range(len(case.exits)):
-        change = kept[:, j] - lost[log][:, j]
-        noise = case.whitening[j]
-        density = np.maximum(noise.density, np.interp(noise.frequency, *incoherent_spectrum(sent[j], none)))
-        rms = float(np.sqrt(np.mean(density[1:])))
-        if float(np.sqrt(np.mean(change**2))) > PART_OF_NOISE * rms:
-            return True
-        own = np.interp(noise.frequency, *incoherent_spectrum(change - change.mean(), none))
-        if np.any(own[1:] > IN_A_BAND**2 * density[1:]):
-            return True
-    return False
-
-
-def _taken_out(case: Case, fitted: Fitted, place: int) -> tuple[Array, ...] | None:
-    """The outputs without the effect at a place, all else as it is; None where that frees a value that was not."""
-    one, known = fitted.added[place], fitted.by_path
-    rest = tuple(other for other in fitted.added if other is not one)
-    free, tolerated = case.parameters(rest), {t.path for t in case.tolerated}
-    if any(p.path in tolerated and p.path not in known for p in free):
-        return None
-    return case.outputs(rest, tuple(known[p.path].value if p.path in tolerated else p.value for p in free))
-
-
 def _swapped(
     case: Case, fitted: Fitted, rivals: list[list[Fitted]], carried: Carried
 ) -> tuple[Case, Fitted, list[list[Fitted]]]:
@@ -364,6 +302,7 @@ def _swapped(
         hypotheses = [((*without.added, one.added), one.gain) for one in found]
         tried = _fits(case, without, hypotheses, known=without.chi2 - fitted.chi2)
         again = _again(case, tried, min(fitted, *tried, key=_cost)) if tried else []
+        again = [one for one in again if _keys(one) != _keys(fitted)]  # a late search hands it back
         if again and _cost(again[0]) < _cost(fitted) - 1.0:
             ordered = (*again[0].added[:place], again[0].added[-1], *again[0].added[place:-1])
             case, fitted = _rewhitened(case, replace(again[0], added=again[0].added), carried)
@@ -371,6 +310,22 @@ def _swapped(
             again = again[1:]
         rivals[place] = again
     return case, fitted, rivals
+
+
+def _beside_the_rest(case: Case, fitted: Fitted, place: int, rivals: list[Fitted]) -> list[Fitted]:
+    """Rivals of the effect at a place with the other effects as they stand at the end."""
+    others = (*fitted.added[:place], *fitted.added[place + 1 :])
+    found = []
+    for one in rivals:
+        if _keys(one) == {*(a.key for a in others), one.added[-1].key}:
+            found.append(one)
+        elif not case.is_late and (again := _attempt(case, (*others, one.added[-1]), fitted, STEPS)) is not None:
+            found.append(again)
+    return sorted(found, key=_cost)
+
+
+def _keys(fitted: Fitted) -> set[object]:
+    return {one.key for one in fitted.added}
 
 
 def _pruned(
@@ -393,4 +348,4 @@ def _spared(case: Case, fitted: Fitted, place: int, carried: Carried) -> Fitted 
     """The hypothesis without one of its effects, where that is not worth its values beside the others; else None."""
     rest = tuple(one for k, one in enumerate(fitted.added) if k != place)
     without = _refit(case, replace(fitted, added=rest))
-    return None if without is None or _worthwhile(case, without, fitted, carried, place) else without
+    return without if without is not None and objection(case, without, fitted, carried, place) else None

@@ -1,7 +1,7 @@
 """What a search found in one segment, as plain figures that can travel between processes."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import final
 
 import numpy as np
@@ -20,8 +20,8 @@ from delaytools.diagnosis.answer import (
 )
 from delaytools.diagnosis.case import Case
 from delaytools.diagnosis.fitting import Fitted, fit_hypothesis, has_odd_rows
-from delaytools.diagnosis.heldout import PIECE, held_out, rms_band
-from delaytools.diagnosis.hint import hint
+from delaytools.diagnosis.heldout import PIECE, HeldOut, held_out, rms_band
+from delaytools.diagnosis.leftover import imitated, left_over, unexplained
 from delaytools.diagnosis.next_experiment import next_experiment
 from delaytools.diagnosis.noise import (
     Whitening,
@@ -30,23 +30,17 @@ from delaytools.diagnosis.noise import (
     whitening,
     without_odd_rows,
 )
-from delaytools.diagnosis.noise_of import features, references
+from delaytools.diagnosis.noise_of import references
 from delaytools.diagnosis.quantities import quantities
-from delaytools.diagnosis.search import MOST, PENALTY, Finding
-from delaytools.diagnosis.structure import Band, structured_bands
-from delaytools.diagnosis.unevenness import loudest
+from delaytools.diagnosis.search import PENALTY, Finding
+from delaytools.diagnosis.worth import WORTHLESS
 from delaytools.signals.trouble import DelaytoolsError
 
 __all__ = ["SegmentReport", "segment_report"]
 
 Array = NDArray[np.float64]
 ALIKE = 12.0  # χ² (values paid for) within which two effects explain the logs equally well
-LEFT = 0.06  # power of structure left, of the noise: a quarter of its rms
-IN_A_BAND = 1.25  # the same in one octave
-CHANCE = 1e-8
 EDGES = ("start", "end")
-EVEN = ("bias", "scale_factor", "cross_coupling", "flexible_mode", "periodic_interference")  # leave noise as even
-WINDOW = "transient_gain"  # two of them can follow whatever depends on how much a signal moves
 
 
 @final
@@ -77,11 +71,12 @@ class SegmentReport:
 def segment_report(found: Finding) -> SegmentReport:
     """The figures of a search."""
     case, fitted = found.case, found.fitted
-    left = _unexplained(case, fitted, found.sent) or _imitated(case, fitted)
+    left = unexplained(case, fitted, found.sent) or imitated(case, fitted)
     sets = [_alike(found, k) for k in range(len(fitted.added))]
+    null = held_out(found.null, case.rows)
     confusable = tuple(
         Confusable(
-            case.exits[0], (_rival(case, fitted, fitted, place), *(_rival(case, one, fitted) for one in members))
+            case.exits[0], (_rival(found, fitted, null, place), *(_rival(found, one, null) for one in members))
         )
         for place, members in enumerate(sets)
         if members
@@ -89,19 +84,9 @@ def segment_report(found: Finding) -> SegmentReport:
     missing = tuple(_missing(found, k, certain=not sets[k] and not left) for k in places_in_file(fitted.added))
     return SegmentReport(
         case.exits, case.outputs(fitted.added, fitted.values), _directions(case, fitted), case.whitening,
-        missing, _ranking(found), confusable, _steps(found, adequate=not left), left, _tolerated(case, fitted),
+        missing, _ranking(found, null), confusable, _steps(found, adequate=not left), left, _tolerated(case, fitted),
         _notes(found), found.exhausted, _next(case, fitted, sets),
     )  # fmt: skip
-
-
-def _imitated(case: Case, fitted: Fitted) -> tuple[Unexplained, ...]:
-    """Sets of effects that explain everything by their number alone: such sets imitate an unknown effect well."""
-    generic = {one.fixed.get("source") for one in fitted.added if "source" in one.fixed}
-    windows = [one for one in fitted.added if one.kind == WINDOW]
-    if len(fitted.added) < MOST and len(generic) < 2 and len(windows) < 2:
-        return ()
-    words = f"{len(fitted.added)} effects are needed here: together they may imitate one that is not in the catalogue"
-    return (Unexplained(case.exits[0], 0.0, (), words),)
 
 
 def _next(case: Case, fitted: Fitted, sets: list[tuple[Fitted, ...]]) -> NextExperiment | None:
@@ -139,7 +124,7 @@ def _alike(found: Finding, place: int) -> tuple[Fitted, ...]:
     mine = found.fitted.added[place]
     best = _cost(found.fitted)
     members: dict[str, Fitted] = {}
-    for one in found.rivals[place] if place < len(found.rivals) else ():
+    for one in found.rivals[place]:
         other = one.added[-1]
         if len(one.added) != len(found.fitted.added) or other.kind == mine.kind:
             continue
@@ -170,7 +155,8 @@ def _cost(one: Fitted) -> float:
 def _missing(found: Finding, place: int, *, certain: bool) -> Missing:
     case, fitted = found.case, found.fitted
     one = fitted.added[place]
-    same = [r.added[-1] for r in (found.rivals[place] if place < len(found.rivals) else ())]
+    close = [r for r in found.rivals[place] if _cost(r) - _cost(fitted) < ALIKE]
+    same = [r.added[-1] for r in close if len(r.added) == len(fitted.added)]
     also = tuple(dict.fromkeys(o.at for o in same if o.kind == one.kind and o.at != one.at))
     settings = {**one.fixed, **{n: v for n, v in one.values.items() if n not in one.reported}}
     values = quantities(case.segment.loop, fitted, place)
@@ -182,83 +168,21 @@ def shown_at(case: Case, one: Added) -> str:
     return case.exits[case.exit_at(one.at) or 0]
 
 
-def _rival(case: Case, one: Fitted, best: Fitted, place: int = -1) -> Rival:
-    """A hypothesis by the effect at a place in it, the last one where none is said."""
+def _rival(found: Finding, one: Fitted, null: HeldOut, place: int = -1) -> Rival:
+    """A hypothesis by the effect at a place in it, the last one where none is said; null: without any effect."""
     place %= len(one.added)
-    added: Added = one.added[place]
-    out = held_out(one, case.rows)
-    null = held_out(best, case.rows)
-    gain, _ = out.better_than(null)
+    added, out = one.added[place], held_out(one, found.case.rows)
     rms = float(np.sqrt(np.mean(out.residual**2)))
     settings = {**added.fixed, **{n: v for n, v in added.values.items() if n not in added.reported}}
-    values = quantities(case.segment.loop, one, place)
-    return Rival(added.kind, added.at, values, settings, rms, gain, one.chi2 - best.chi2)
+    values = quantities(found.case.segment.loop, one, place)
+    worse = one.chi2 - found.fitted.chi2
+    return Rival(added.kind, added.at, values, settings, rms, out.better_than(null)[0], worse)
 
 
-def _ranking(found: Finding) -> tuple[Rival, ...]:
-    """All fitted candidates against the hypothesis without any effect, the best first."""
-    null = found.null
+def _ranking(found: Finding, null: HeldOut) -> tuple[Rival, ...]:
+    """All fitted candidates, the best on held-out data first."""
     every = [found.fitted, *(r for group in found.rivals for r in group)] if found.fitted.added else []
-    rivals = []
-    for one in every:
-        rival = _rival(found.case, one, found.fitted)
-        gain, _ = held_out(one, found.case.rows).better_than(held_out(null, found.case.rows))
-        rivals.append(Rival(rival.effect, rival.at, rival.parameters, rival.settings, rival.held_out_rms, gain,
-                            rival.delta_chi2))  # fmt: skip
-    return tuple(sorted(rivals, key=lambda r: r.held_out_rms))
-
-
-def _unexplained(case: Case, fitted: Fitted, sent: tuple[Array, ...]) -> tuple[Unexplained, ...]:
-    outputs = case.outputs(fitted.added, fitted.values)
-    left = _left_over(case, outputs)
-    found = []
-    for j, exit in enumerate(case.exits):
-        residual = left[0][:, j]
-        white = without_odd_rows(case.whitening[j].apply(residual), least=1.0)
-        inputs = features(case, outputs, 0)
-        bands = structured_bands(white, inputs, case.whitening[j].apply(sent[j]))
-        bad = [b for b in bands if b.share > IN_A_BAND and b.probability < CHANCE]
-        whole = sum(b.share * 2 * (b.high - b.low) for b in bands if b.probability < CHANCE)
-        if bad or whole > LEFT:
-            bad = [b for b in bands if b.probability < CHANCE]
-            found.append(replace(_left(case, exit, bad, (white, inputs)), hint=hint(case, fitted, j)))
-        elif not _gates_noise(case, fitted, j):
-            found += _uneven(case, (outputs[0], white, case.whitening[j].apply(sent[j])), exit)
-    return tuple(found)
-
-
-def _gates_noise(case: Case, fitted: Fitted, exit: int) -> bool:
-    """Whether the noise of an exit may pass an effect, at its port, that lets through now more, now less."""
-    designed = [e.name.partition("#")[0].partition("@") for e in case.segment.loop.elements if "@" in e.name]
-    found = [(one.kind, one.at) for one in fitted.added] + [(kind, at) for kind, _, at in designed]
-    return any(case.exit_at(at) == exit and kind not in EVEN for kind, at in found)
-
-
-def _uneven(case: Case, rows: tuple[Array, Array, Array], exit: str) -> list[Unexplained]:
-    """What is left where it is much louder at some level or rate of a signal; rows: modelled exits, residual, sent."""
-    outputs, white, sent = rows
-    record = case.records[0]
-    signals = {n: record[n] for n in case.segment.entries if n in record}
-    signals |= {n: outputs[:, k] for k, n in enumerate(case.exits)}
-    one = loudest(white, signals, sent, case.step)
-    if one is None:
-        return []
-    what = f"the rate of {one.signal}" if one.is_rate else one.signal
-    words = f"what is left is {one.power:.1f} times as strong as in all where {what} is within " \
-        f"{one.low:.3g} and {one.high:.3g}: noise is as strong everywhere"
-    return [Unexplained(exit, one.share, (), words)]
-
-
-def _left_over(case: Case, outputs: tuple[Array, ...]) -> tuple[Array, ...]:
-    """Per log (n, exits): measured minus model, less what uncertain values of other segments can do."""
-    return case.without_nuisance(tuple(m - y for m, y in zip(case.measured, outputs, strict=True)))
-
-
-def _left(case: Case, exit: str, bands: list[Band], rows: tuple[Array, Array]) -> Unexplained:
-    total = float(np.mean(rows[0] ** 2))
-    power = sum(b.share * 2 * (b.high - b.low) for b in bands)
-    limits = tuple((b.low / case.step, b.high / case.step) for b in bands)
-    return Unexplained(exit, min(power / max(total, 1e-300), 1.0), limits, "")
+    return tuple(sorted((_rival(found, one, null) for one in every), key=lambda r: r.held_out_rms))
 
 
 def _steps(
@@ -286,12 +210,15 @@ def _steps(
 def _seen_plainly(case: Case, fitted: Fitted, adequate: bool) -> Case:
     """The case with filters that make the final residual white, without floors: 1 is what is left at the end."""
     outputs = case.outputs(fitted.added, fitted.values)
-    left = _left_over(case, outputs)
+    left = left_over(case, outputs)
     filters = []
     for j in range(len(case.exits)):
-        residual = without_odd_rows(left[0][:, j]) if has_odd_rows(case, fitted.added) else left[0][:, j]
-        seen = incoherent_spectrum(residual, references(case, 0))
-        filters.append(autoregression(residual) if adequate else whitening(*seen))
+        cut = without_odd_rows if has_odd_rows(case, fitted.added) else np.asarray
+        residuals = [cut(rows[:, j]) for rows in left]
+        if adequate and not case.pieces:
+            filters.append(autoregression(residuals))
+        else:
+            filters.append(whitening(*incoherent_spectrum(residuals[0], references(case, 0))))
     return case.whitened_by(tuple(filters))
 
 
@@ -299,7 +226,7 @@ def _step(
     case: Case, label: str, fitted: Fitted, values: tuple[float, ...]
 ) -> tuple[Step, Mapping[str, tuple[float, float]]]:
     start = values or tuple(p.value for p in case.parameters(()))
-    left = _left_over(case, case.outputs(fitted.added, start))
+    left = left_over(case, case.outputs(fitted.added, start))
     out = held_out(fitted, case.rows)
     errors, white, band = {}, {}, {}
     blocks = case.rows.blocks(PIECE)
@@ -319,7 +246,8 @@ def _tolerated(case: Case, fitted: Fitted) -> dict[str, Quantity]:
 
 
 def _notes(found: Finding) -> tuple[str, ...]:
-    return tuple(
-        f"{one.name} is significant at {found.case.exits[0]} but smaller than a quarter of the noise: not named"
-        for one in found.small
-    )
+    """What was refused although it pays."""
+    if found.refused is None or found.refused[1] == WORTHLESS:
+        return ()
+    one, why = found.refused
+    return (f"{one.name} at {found.case.exits[0]} is {why}: not named",)

@@ -9,11 +9,13 @@ from delaytools.blocks.block import Sampled
 from delaytools.diagnosis.added import Added
 from delaytools.diagnosis.case import Case
 from delaytools.diagnosis.screen import Base, Screened, response
+from delaytools.loop.values import resolve
 from delaytools.signals.record import Record
 
-__all__ = ["with_draws", "with_period_fitted"]
+__all__ = ["column_of", "with_draws", "with_period_fitted"]
 
 Array = NDArray[np.float64]
+Model = tuple[tuple[Added, ...], tuple[float, ...]]  # a hypothesis and its values
 KEPT, LOST = 1 - 1e-9, 0.0
 RUNS = 900  # of a segment, while its dropped updates are sought one after the other
 
@@ -46,18 +48,28 @@ def with_draws(case: Case) -> Case:
     shares: dict[str, float] = {}
     if len(exits) != len(case.exits):
         return case
+    resolved = resolve(case.segment.loop)
     for name in case.segment.blocks:
-        element = case.segment.loop[name]
-        if isinstance(element.block, Sampled):
-            for port in element.outputs:
+        block = resolved[name].block
+        if isinstance(block, Sampled):
+            for port in case.segment.loop[name].outputs:
                 at = f"{name}.{port}"
-                case, shares[at] = _drawn(case, at, float(element.block.period))
+                case, share = _drawn(case, at, float(block.period))
+                if column_of(at) not in case.segment.loop.random:
+                    shares[at] = share
     return replace(case, lost=shares, _replays={})
 
 
+def column_of(at: str) -> str:
+    """The column that says which updates of a port are lost."""
+    return f"dropped_frames@{at}.draw"
+
+
 def _drawn(case: Case, at: str, period: float) -> tuple[Case, float]:
-    column = f"dropped_frames@{at}.draw"
-    one = Added("dropped_frames", at, {"probability": 0.5}, {}, frozenset({"probability"}))
+    """The case with the draws of a port, of the design's own dropped frames where it has them; the share lost."""
+    column = column_of(at)
+    designed = column in case.segment.loop.random
+    tried = () if designed else (Added("dropped_frames", at, {"probability": 0.5}, {}, frozenset({"probability"})),)
     records, lost, ticks = [], 0, 0
     nominal = tuple(p.value for p in case.parameters(()))
     for log, record in enumerate(case.records):
@@ -67,9 +79,9 @@ def _drawn(case: Case, at: str, period: float) -> tuple[Case, float]:
         flags = np.full(len(record), KEPT)
         exit = case.exit_at(at)
         if exit is not None:
-            flags = _decided_at_once(case, (one, nominal), (log, column, rows), exit)
+            flags = _decided_at_once(case, (tried, nominal), (log, column, rows), exit)
         else:
-            flags = _decided(case, (one, nominal), (log, column, rows), flags)
+            flags = _decided(case, (tried, nominal), (log, column, rows), flags)
         lost, ticks = lost + int(np.sum(flags[rows] == LOST)), ticks + len(rows)
         records.append(_carrying(record, column, flags))
     return replace(case, records=tuple(records), _replays={}), lost / max(ticks, 1)
@@ -80,18 +92,15 @@ def _carrying(record: Record, column: str, flags: Array) -> Record:
     return Record(record.time, {**record.columns, column: flags}, record.units, held, record.source)
 
 
-def _with_draws_of(
-    case: Case, model: tuple[Added, tuple[float, ...]], place: tuple[int, str], flags: Array
-) -> Array:
+def _with_draws_of(case: Case, model: Model, place: tuple[int, str], flags: Array) -> Array:
     """(n, exits): one log as the model gives it with these draws."""
-    (one, nominal), (log, column) = model, place
+    log, column = place
     record = _carrying(case.records[log], column, flags)
-    tried = replace(case, records=(record,), measured=(case.measured[log],), _replays={})
-    return tried.outputs((one,), nominal)[0]
+    return replace(case, records=(record,), measured=(case.measured[log],), _replays={}).outputs(*model)[0]
 
 
 def _decided_at_once(
-    case: Case, model: tuple[Added, tuple[float, ...]], place: tuple[int, str, NDArray[np.int64]], exit: int
+    case: Case, model: Model, place: tuple[int, str, NDArray[np.int64]], exit: int
 ) -> Array:
     """The draws of one log where the port is measured: an update is lost where the old value stands instead of it.
 
@@ -116,7 +125,7 @@ def _decided_at_once(
 
 def _decided(
     case: Case,
-    model: tuple[Added, tuple[float, ...]],
+    model: Model,
     place: tuple[int, str, NDArray[np.int64]],
     flags: Array,
 ) -> Array:
@@ -135,6 +144,6 @@ def _decided(
             return np.full(len(flags), KEPT)
         flags[tick] = LOST
         first_wrong = int(tick)
-        if first_wrong == tick == rows[0] or np.sum(flags == LOST) > 0.5 * len(rows):
+        if tick == rows[0] or np.sum(flags == LOST) > 0.5 * len(rows):
             return np.full(len(flags), KEPT)
     return np.full(len(flags), KEPT)

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from delaytools.diagnosis.added import FIRST_NUMBER, Added
+from delaytools.diagnosis.added import Added, path_of
 from delaytools.diagnosis.case import Case
 from delaytools.diagnosis.fitting import Fitted
 from delaytools.diagnosis.screen import Base, base_of, response_instead
@@ -70,7 +70,7 @@ def _breaking_away(base: Base, place: int, least: float) -> Added | None:
 def _varying(base: Base, place: int, least: float) -> Added | None:
     """The swing about a fitted delay that takes most off, linear in sin and cos over a grid of frequencies."""
     case, fitted = base.case, base.fitted
-    path = f"effects.{FIRST_NUMBER + place}.delay"
+    path = path_of(place, "delay")
     column = next(k for k, p in enumerate(fitted.parameters) if p.path == path)
     slope, time = -fitted.jacobian[:, column], case.rows.time
     best = (0.0, 0.0, np.zeros(2))

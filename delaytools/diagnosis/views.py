@@ -16,7 +16,7 @@ from delaytools.diagnosis.fitting import Fitted
 from delaytools.loop.loop import Loop
 from delaytools.loop.network import network
 from delaytools.loop.port import Port, read_at, written_at
-from delaytools.loop.values import resolve
+from delaytools.loop.values import parameter_values, resolve, with_numbers
 from delaytools.signals.expression import Expression
 
 __all__ = ["View", "case_view"]
@@ -52,7 +52,7 @@ class View:
 
     def evaluated(self, formula: Expression, log: int) -> Array:
         """(n,): a combination of signals on one log."""
-        named = {**self.case.segment.loop.parameters, **self.signals[log]}
+        named = {**parameter_values(self.loop, {}), **self.signals[log]}
         found = np.asarray(formula.evaluate(named, CASADI), dtype=float)
         return np.broadcast_to(found, self.case.records[log].time.shape)
 
@@ -155,7 +155,8 @@ class View:
 def case_view(case: Case, fitted: Fitted) -> View:
     """All signals of the segment under a fitted hypothesis, with the log's own columns."""
     loop = case.segment.loop
-    shown = _named(with_added(loop, fitted.added))
+    numbers = {p.path: p.value for p in fitted.parameters}
+    shown = _named(with_numbers(with_added(loop, fitted.added), numbers))
     names = tuple(name for name in shown.signals if name in shown.writers)
     found = []
     for replay, record in zip(case.replays(fitted.added), case.records, strict=True):

@@ -21,7 +21,7 @@ from delaytools.blocks.delay import Delay
 from delaytools.blocks.lag import Lag
 from delaytools.blocks.rate_limiter import RateLimiter
 from delaytools.blocks.sample_hold import SampleHold
-from delaytools.diagnosis.added import FIRST_NUMBER, Added, with_added
+from delaytools.diagnosis.added import Added, path_of, with_added
 from delaytools.diagnosis.case import Case
 from delaytools.diagnosis.fitting import Fitted
 from delaytools.diagnosis.pushes import moves_as_measured
@@ -193,7 +193,7 @@ def way_of(view: View, fitted: Fitted, outputs: tuple[Array, ...], port: Port) -
     if not stands or case.pieces or _is_round(case.segment.loop, port):
         return None
     held = port.kind != "derivative" and view.is_held(port)
-    return Way(case, fitted, port, outputs, held, _ticks(view.loop, port, case.step))
+    return Way(case, fitted, port, outputs, held, _ticks(with_added(case.segment.loop, fitted.added), port, case.step))
 
 
 def _ticks(loop: Loop, port: Port, step: float) -> int:
@@ -210,7 +210,7 @@ def _ticks(loop: Loop, port: Port, step: float) -> int:
 def own_way(view: View, one: Added) -> Element | None:
     """The element that the effect puts into the wire."""
     loop = with_added(view.case.segment.loop, (one,))
-    return next((element for element in loop.elements if element.path == f"effects.{FIRST_NUMBER}"), None)
+    return next((element for element in loop.elements if element.path == path_of(0)), None)
 
 
 @final

@@ -16,7 +16,13 @@ from delaytools.measurement.closed_loop_run import closed_loop_runs
 from delaytools.measurement.comparison import Comparison, SignalComparison
 from delaytools.measurement.judge import Judged, judged
 from delaytools.measurement.measures import figures, resolution
-from delaytools.measurement.segment_runs import SegmentRun, column_noise, prepared, run_segment
+from delaytools.measurement.segment_runs import (
+    SegmentRun,
+    column_noise,
+    held_by_design,
+    prepared,
+    run_segment,
+)
 from delaytools.measurement.shares import strips, worst_bands, worst_levels, worst_times
 from delaytools.measurement.where import where_it_fails
 from delaytools.signals.record import Record
@@ -40,7 +46,8 @@ def compare(
     if not records:
         raise AnalysisError("no log to compare with", advice="give at least one log")
     loop = build(design, configuration) if isinstance(design, Design) else design
-    ready, words = prepared(loop, records)
+    marked = [held_by_design(design, record) for record in records] if isinstance(design, Design) else records
+    ready, words = prepared(loop, marked)
     measured = set(ready[0].names).intersection(*(record.names for record in ready))
     ready = tuple(record.only(n for n in record.names if n in measured) for record in ready)
     tolerated = tuple(design.tables.tolerance) if isinstance(design, Design) else ()

@@ -7,6 +7,7 @@ from typing import final
 import numpy as np
 from numpy.typing import NDArray
 
+from delaytools.design.design import Design
 from delaytools.estimation.noise_level import difference_noise
 from delaytools.loop.loop import Loop
 from delaytools.loop.network import network
@@ -19,7 +20,7 @@ from delaytools.signals.record import Record
 from delaytools.signals.trouble import DelaytoolsError
 from delaytools.simulation.replay import Replay, driven_by
 
-__all__ = ["SegmentRun", "column_noise", "prepared", "run_segment"]
+__all__ = ["SegmentRun", "column_noise", "held_by_design", "prepared", "run_segment"]
 
 Array = NDArray[np.float64]
 SEED = 7
@@ -42,6 +43,11 @@ class SegmentRun:
     carried: Mapping[str, tuple[Array, ...]]
     sent: Mapping[str, float]
     why: str = ""
+
+
+def held_by_design(design: Design, record: Record) -> Record:
+    """The record with the columns marked as held that [log] says are."""
+    return replace(record, held=record.held | (frozenset(design.tables.log.held) & frozenset(record.names)))
 
 
 def prepared(loop: Loop, records: Sequence[Record]) -> tuple[tuple[Record, ...], tuple[str, ...]]:

@@ -59,6 +59,19 @@ class Zero(Stimulus):
 
 
 @final
+@dataclass(frozen=True)
+class Constant(Stimulus):
+    """One value at all times."""
+
+    level: float
+
+    jumps = ()
+
+    def value(self, t: Array) -> Array:
+        return np.full(np.shape(t), self.level)
+
+
+@final
 @dataclass(frozen=True, kw_only=True)
 class Step(Stimulus):
     """amplitude from `start` on."""

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d
 
 from delaytools.loop.loop import Loop
-from delaytools.signals.stimulus import Column, Stimulus, Zero
+from delaytools.signals.stimulus import Column, Constant, Stimulus, Zero
 from delaytools.simulation.from_data import data_call, moved_data
 from delaytools.simulation.met import steps_needed
 from delaytools.simulation.physics import Physics, physics
@@ -45,6 +45,7 @@ class Pace:
 
 
 USUAL = Pace()
+NOTHING_LOST = Constant(1.0)  # draws that nobody gives: on a log, what was lost is not known
 
 
 def compile_loop(
@@ -62,6 +63,7 @@ def compile_loop(
     substeps: of a frame; None: at this pace. short: calls as short as the grid allows, so that a run can begin anew
     between any two of them.
     """
+    stimuli = {**dict.fromkeys(loop.random, NOTHING_LOST), **stimuli}
     model = physics(loop, free)
     numeric = physics(loop) if free else model
     jumps = {name: np.asarray(stimuli[name].jumps) for name in model.layout.externals if name in stimuli}

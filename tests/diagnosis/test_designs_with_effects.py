@@ -1,18 +1,23 @@
 """A design that has effects already, from an earlier `improve`: the next one is found behind, ahead or beside them."""
 
 import math
+from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from delaytools.design.build import build
 from delaytools.design.design import parse_design
 from delaytools.diagnosis.added import Added
+from delaytools.diagnosis.case import prepared_case
 from delaytools.diagnosis.noise_of import Carried
 from delaytools.diagnosis.places import spots
 from delaytools.diagnosis.search import search
 from delaytools.loop.segments import segments
+from delaytools.signals.parameter import Parameter
+from delaytools.signals.record import Record
 from delaytools.signals.stimulus import Multisine
-from tests.diagnosis.small_cases import CHAIN, DRIVE, planted
+from tests.diagnosis.small_cases import ACTUATOR, CHAIN, DRIVE, planted
 
 WAVE = Multisine(amplitude=3.0, from_frequency=0.3, to_frequency=6.0, lines=25)
 DESIGNED = {
@@ -72,3 +77,21 @@ def test_a_force_is_found_behind_a_delay_of_the_design() -> None:
     (one,) = found.fitted.added
     assert one.key == true.key
     assert found.fitted.by_path["effects.1000.level"].value == pytest.approx(1.5, rel=0.02)
+
+
+def test_what_an_effect_of_the_design_has_may_be_tolerated() -> None:
+    text = LATE_DRIVE.replace('mass = 1.0', 'mass = "2*half"') + "\n[parameters]\nhalf = 0.5\n"
+    paths = ("effects.0.delay", "parameters.half", "drive.viscous", "elsewhere.gain")
+    part = segments(build(parse_design(text)), {"u", "v"})[0]
+    record = Record(np.arange(9.0), {"u": np.zeros(9), "v": np.zeros(9)})
+    case = prepared_case(part, (record,), tuple(Parameter(path, 1.0) for path in paths), frozenset())
+    assert [p.path for p in case.tolerated] == list(paths[:3])
+
+
+def test_an_effect_that_one_log_alone_shows_is_named() -> None:
+    limit = Added("saturation", "act.input", {"limit": 3.0})
+    small, large = (planted(ACTUATOR, (limit,), replace(WAVE, amplitude=a)) for a in (0.5, 3.0))
+    both = {"records": small.records + large.records, "measured": small.measured + large.measured}
+    case = replace(small, **both, smooth=frozenset({"u"}), _replays={})
+    found = search(case, Carried({"u": 0.0}))
+    assert [one.kind for one in found.fitted.added] == ["saturation"]

@@ -109,6 +109,19 @@ def test_it_is_found(kind: str) -> None:
     assert len(found) == 1 and found[0] in allowed, f"{answer.verdict}: {answer.missing} {answer.confusable}"
 
 
+# draws, own ticks, odd rows, forces, joints at an output, changed numbers: each is another way through a replay
+DESIGNED = ("dropped_frames", "sample_hold", "quantization", "load_dependent_friction", "bias", "variable_delay",
+            "parameter_change:natural_frequency")  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", DESIGNED)
+def test_with_it_in_the_design_nothing_is_missing(kind: str) -> None:
+    planted = PLANTED[kind]
+    design = with_effect(parse_design(SERVO), {"type": kind, "at": planted.at, **planted.values})
+    answer = diagnose(design, [log_of(design, planted)], effort=Effort(processes=1))
+    assert answer.verdict == "adequate" and not answer.missing, f"{answer.missing} {answer.unexplained}"
+
+
 def test_nothing_is_found_where_nothing_is_missing() -> None:
     design = parse_design(SERVO)
     answer = diagnose(design, [log_of(design, Planted("", {}))], effort=Effort(processes=1))

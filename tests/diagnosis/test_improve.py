@@ -9,7 +9,7 @@ from delaytools.design.build import build
 from delaytools.design.edit import with_value, without_effect
 from delaytools.diagnosis.answer import Missing, Quantity
 from delaytools.diagnosis.improve import additions, improved, rounded, written
-from delaytools.loop.values import value_paths
+from delaytools.loop.values import resolve, value_paths
 from delaytools.measurement.compare import compare
 from delaytools.signals.trouble import AnalysisError
 from tests.diagnosis.found import DEAD_BAND, DELAY, SLOWER, diagnosis
@@ -82,6 +82,14 @@ def test_a_value_that_a_formula_or_a_configuration_gives_becomes_an_effect() -> 
         assert value_paths(build(new, configuration))["effects.0.natural_frequency"] == pytest.approx(81.23)
         assert without_effect(new, 0).text == design.text
     assert "configuration soft" in new.text and "every one has it" in new.text
+
+
+def test_a_value_that_an_effect_of_the_design_changes_gets_an_effect_behind_it() -> None:
+    first = 'type = "parameter_change:natural_frequency"\nat = "actuator"\nnatural_frequency = "85 rad/s"\n'
+    new = improved(bench_design(f"{BENCH}\n[[effects]]\n{first}"), diagnosis(SLOWER), **ORIGIN)
+    built = build(new)
+    assert len(new.data["effects"]) == 2
+    assert resolve(built)["actuator"].block.natural_frequency == pytest.approx(81.23)
 
 
 def test_tolerated_values_are_set_only_when_asked_for() -> None:

@@ -9,12 +9,12 @@ from delaytools.diagnosis import search as room
 from delaytools.diagnosis.added import Added
 from delaytools.diagnosis.fitting import fit_hypothesis
 from delaytools.diagnosis.joint_start import making_room
+from delaytools.diagnosis.leftover import imitated
 from delaytools.diagnosis.noise_of import Carried, noise_of
 from delaytools.diagnosis.places import spots
 from delaytools.diagnosis.proposals import shortlisted
 from delaytools.diagnosis.screen import Screened, base_of, screened
 from delaytools.diagnosis.search import FINEST, RESOLVED, _resolved, _shown_first, _spared, search
-from delaytools.diagnosis.segment_report import _imitated
 from delaytools.diagnosis.starts import candidates
 from delaytools.diagnosis.swings import swings
 from delaytools.diagnosis.upgrades import richer
@@ -115,7 +115,7 @@ def test_two_windows_of_gain_may_imitate_anything() -> None:
     window = {"factor": 0.1, "start": 1.0, "end": 2.0}
     windows = [Added("transient_gain", f"act.{name}", window) for name in ("input", "output")]
     case = planted(ACTUATOR, tuple(windows), WAVE)
-    assert _imitated(case, fitted(case, *windows)) and not _imitated(case, fitted(case, windows[0]))
+    assert imitated(case, fitted(case, *windows)) and not imitated(case, fitted(case, windows[0]))
 
 
 def test_a_large_swing_about_a_delay_is_found_from_the_fitted_delay() -> None:

@@ -49,7 +49,7 @@ def test_noise_of_the_inputs_may_be_sent_at_some_levels_only():
 
 def test_a_rest_that_drifts_is_white_behind_its_own_filter():
     drift = np.cumsum(np.cumsum(NOISE)) * 1e-6 + 1e-8 * np.random.default_rng(5).standard_normal(len(NOISE))
-    white = autoregression(drift).apply(drift)
+    white = autoregression([drift]).apply(drift)
     assert np.sqrt(np.mean(white**2)) == pytest.approx(1.0, abs=1e-9)
     slow = np.abs(np.fft.rfft(white)[:20]) ** 2 / len(white)
     assert slow.mean() < 3.0

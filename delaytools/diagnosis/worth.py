@@ -1,0 +1,72 @@
+"""Whether an effect is worth its values: on data not used for the fit, against the noise, against the rows."""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from delaytools.diagnosis.case import Case
+from delaytools.diagnosis.fitting import Fitted, has_odd_rows
+from delaytools.diagnosis.heldout import held_out
+from delaytools.diagnosis.noise import incoherent_spectrum
+from delaytools.diagnosis.noise_of import Carried
+from delaytools.diagnosis.proposals import PENALTY
+
+__all__ = ["NAMED", "PART_OF_NOISE", "SMALL", "WORTHLESS", "objection"]
+
+Array = NDArray[np.float64]
+NAMED = 60.0  # held-out χ² that an effect must be worth
+PART_OF_NOISE = 0.25  # of the noise rms that an effect must contribute
+IN_A_BAND = 1.5  # times the noise density, where an effect is small in all
+LUCK = 3.5  # standard errors over rows by which an effect must win (Vuong 1989): noise in spikes pays by chance
+SHORTEST = 0.5  # rows: a shorter delay or lag may be the way in which rows are joined
+BRIEF = "shorter than half a row, as the way may be in which rows are joined"
+WORTHLESS = "no better on data not used for the fit"
+SMALL = "significant but smaller than a quarter of the noise"
+
+
+def objection(case: Case, before: Fitted, after: Fitted, carried: Carried, place: int = -1) -> str:
+    """Why the effect at a place is not to be named; "" where it pays on held-out data, is not lost in the noise, and is
+    longer than rows can tell. before: the hypothesis without it."""
+    known = after.added[place].values
+    if any(known.get(name, np.inf) < SHORTEST * case.step for name in ("delay", "time_constant")):
+        return BRIEF
+    if has_odd_rows(case, after.added):  # what they leave out is no gain
+        before = replace(before, residual=case.without_odd_rows(before.residual))
+    now, then = held_out(after, case.rows), held_out(before, case.rows)
+    gain, _ = now.better_than(then)
+    if gain < max(NAMED + PENALTY * (after.size - before.size - 1), LUCK * now.luck_beside(then)):
+        return WORTHLESS
+    return "" if _matters(case, before, after, carried, place) else SMALL
+
+
+def _matters(case: Case, before: Fitted, after: Fitted, carried: Carried, place: int = -1) -> bool:
+    """Whether the effect at a place contributes more than a part of the noise, in all or in some band."""
+    kept = case.outputs(after.added, after.values)
+    lost = _taken_out(case, after, place) or case.outputs(before.added, before.values)
+    sent = carried.through(case, after)
+    for j in range(len(case.exits)):
+        noise = case.whitening[j]
+        density = np.maximum(noise.density, np.interp(noise.frequency, *_spectrum(sent[j])))
+        rms = float(np.sqrt(np.mean(density[1:])))
+        for change in (y[:, j] - without[:, j] for y, without in zip(kept, lost, strict=True)):
+            if float(np.sqrt(np.mean(change**2))) > PART_OF_NOISE * rms:
+                return True
+            own = np.interp(noise.frequency, *_spectrum(change - change.mean()))
+            if np.any(own[1:] > IN_A_BAND**2 * density[1:]):
+                return True
+    return False
+
+
+def _spectrum(rows: Array) -> tuple[Array, Array]:
+    return incoherent_spectrum(rows, np.zeros((len(rows), 0)))
+
+
+def _taken_out(case: Case, fitted: Fitted, place: int) -> tuple[Array, ...] | None:
+    """The outputs without the effect at a place, all else as it is; None where that frees a value that was not."""
+    one, known = fitted.added[place], fitted.by_path
+    rest = tuple(other for other in fitted.added if other is not one)
+    free, tolerated = case.parameters(rest), {t.path for t in case.tolerated}
+    if any(p.path in tolerated and p.path not in known for p in free):
+        return None
+    return case.outputs(rest, tuple(known[p.path].value if p.path in tolerated else p.value for p in free))
