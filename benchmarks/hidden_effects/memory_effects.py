@@ -27,10 +27,17 @@ class Follower:
             if leading:
                 out.at[j] = self._next(x.at[j], 0.0)
             out.a[j] = self._next(x.a[j], 0.0)
+            mean = self._mean((x.a[j], x.b[j]), clock.step)
             out.b[j] = self._next(x.b[j], clock.step)
+            if mean is not None:
+                out.a[j] = 2 * mean - out.b[j]
             if not leading:
                 out.at[j] = self._next(x.at[j], 0.0)
         return out
+
+    def _mean(self, ends: tuple[Array, Array], elapsed: float) -> Array | None:
+        """The mean over a step where a line between its ends would not have it: a slew may end far within the step."""
+        return _slewed(self.memory["y"], ends, elapsed, self.values["limit"]) if self.follow is _slew else None
 
     def _next(self, x: Array, elapsed: float) -> Array:
         if not self.memory:
@@ -47,6 +54,19 @@ def _play(m: dict, x: Array, elapsed: float, p: Values) -> dict:
 def _slew(m: dict, x: Array, elapsed: float, p: Values) -> dict:
     reach = p["limit"] * elapsed
     return {**m, "y": np.minimum(np.maximum(x, m["y"] - reach), m["y"] + reach)}
+
+
+def _slewed(y: Array, ends: tuple[Array, Array], elapsed: float, limit: Array) -> Array:
+    """The mean over a step of what chases a line at most so fast, from y on, and keeps to it once it has met it."""
+    first, last = ends
+    slope, side = (last - first) / elapsed, np.sign(first - y)
+    closing = side * limit - slope
+    with np.errstate(divide="ignore", invalid="ignore"):
+        met = np.where((first - y) * closing > 0, (first - y) / closing, np.where(first == y, 0.0, elapsed))
+    met = np.minimum(met, elapsed)
+    rest = elapsed - met
+    then = np.clip(slope, -limit, limit)
+    return (y * met + side * limit * met**2 / 2 + (first + slope * met) * rest + then * rest**2 / 2) / elapsed
 
 
 def _bouc_wen(m: dict, x: Array, elapsed: float, p: Values) -> dict:

@@ -17,6 +17,7 @@ __all__ = ["column_of", "with_draws", "with_period_fitted"]
 Array = NDArray[np.float64]
 Model = tuple[tuple[Added, ...], tuple[float, ...]]  # a hypothesis and its values
 KEPT, LOST = 1 - 1e-9, 0.0
+MOST_LOST = 0.9  # of the updates
 RUNS = 900  # of a segment, while its dropped updates are sought one after the other
 
 
@@ -117,7 +118,7 @@ def _decided_at_once(
 
     stale = np.abs(np.diff(measured[:, exit], prepend=np.nan)) <= limit
     odd = rows[wrong()[rows]]
-    if not np.all(stale[odd]) or len(odd) > 0.5 * len(rows):
+    if not np.all(stale[odd]) or len(odd) > MOST_LOST * len(rows):
         return flags
     flags[odd] = LOST
     return np.full(len(flags), KEPT) if np.any(wrong()) else flags
@@ -144,6 +145,6 @@ def _decided(
             return np.full(len(flags), KEPT)
         flags[tick] = LOST
         first_wrong = int(tick)
-        if tick == rows[0] or np.sum(flags == LOST) > 0.5 * len(rows):
+        if tick == rows[0] or np.sum(flags == LOST) > MOST_LOST * len(rows):
             return np.full(len(flags), KEPT)
     return np.full(len(flags), KEPT)

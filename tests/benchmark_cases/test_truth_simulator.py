@@ -10,6 +10,7 @@ from benchmarks.hidden_effects.architecture import Architecture
 from benchmarks.hidden_effects.cases import architecture_of, draw
 from benchmarks.hidden_effects.excitation import demand
 from benchmarks.hidden_effects.kinds import MIX, kind_of
+from benchmarks.hidden_effects.memory_effects import _slewed
 from benchmarks.hidden_effects.pitch import PITCH
 from benchmarks.hidden_effects.practice import KNOWN, expected, residuals
 from benchmarks.hidden_effects.records import Lane, Planted
@@ -51,6 +52,26 @@ def _some_effects(bench: Architecture) -> list[tuple[Planted, ...]]:
         ),
         (_plant("cross_coupling", force, source=bench.externals[1], gain=2.0),),
     ]
+
+
+@pytest.mark.parametrize("y", [-1.0, 0.02, 0.3, 2.0])
+@pytest.mark.parametrize("ends", [(0.3, 0.3), (0.3, 0.4), (0.3, 0.1), (-0.2, 0.5)])
+def test_the_mean_of_a_slew_is_that_of_many_small_steps(y: float, ends: tuple[float, float]) -> None:
+    limit, elapsed, many = 2.0, 0.1, 200_000
+    follows, found = y, 0.0
+    for k in range(many):
+        target = ends[0] + (ends[1] - ends[0]) * (k + 0.5) / many
+        follows += np.clip(target - follows, -limit * elapsed / many, limit * elapsed / many)
+        found += follows / many
+    whole = tuple(np.array([end]) for end in ends)
+    assert _slewed(np.array([y]), whole, elapsed, np.array([limit]))[0] == pytest.approx(found, abs=1e-5)
+
+
+def test_a_slew_limit_on_a_staircase_needs_no_fine_steps() -> None:
+    slow = (_plant("rate_limit", "drive.u", limit=300.0),)
+    coarse, fine = (simulate(SERVO, [_lane(SERVO, *slow)], ROWS, steps) for steps in (10, 80))
+    for name in coarse:
+        assert np.abs(coarse[name] - fine[name]).max() < 1e-5 * np.abs(fine[name]).max()
 
 
 @pytest.mark.parametrize("name", BENCHES)
