@@ -10,12 +10,11 @@ from typing import final
 import numpy as np
 from numpy.typing import NDArray
 
-from delaytools.blocks.block import specifications
-from delaytools.design.catalogue import EFFECTS
 from delaytools.diagnosis.added import Added, path_of
 from delaytools.diagnosis.case import Case
 from delaytools.diagnosis.fitting import Fitted
 from delaytools.diagnosis.pushes import forces_on
+from delaytools.diagnosis.quantities import neutral_value
 from delaytools.diagnosis.starts import GRID, LINEAR, Candidate
 from delaytools.diagnosis.views import View, case_view
 from delaytools.diagnosis.wires import Way, change_at, own_way, way_of
@@ -28,6 +27,7 @@ Array = NDArray[np.float64]
 STIFFEST = 10.0  # level over smoothing, in 1/row, beyond which friction is not resolved
 STEPWISE = ("period",)  # values that change nothing between rows
 CLOSER, HALVINGS = 0.1, 3  # of the best worth that is looked at more closely, and how often
+NEARBY = 0.01  # of a block's value: a step from which what is off by far less than a grid's is found along a line
 STRETCH = (0.4, 2.5)  # by which a grid point's response may be scaled when its gain is judged
 
 
@@ -154,7 +154,12 @@ def screened(base: Base, candidates: Iterable[Candidate]) -> list[Screened]:
 def _best(base: Base, candidate: Candidate) -> Screened | None:
     if candidate.manner == LINEAR:
         return _scaled(base, candidate.first, candidate.amplitude)
-    return _best_of(base, candidate.tries)
+    found = [_best_of(base, candidate.tries)]
+    (name, *others) = candidate.first.values
+    if ":" in candidate.first.kind and name not in STEPWISE and not others:
+        design = neutral_value(base.case.segment.loop, candidate.first, name)
+        found.append(_scaled(base, candidate.first.moved({name: (1 + NEARBY) * design}), name))
+    return max((one for one in found if one is not None), key=lambda one: one.gain, default=None)
 
 
 def _best_of(base: Base, tries: Sequence[Added]) -> Screened | None:
@@ -180,9 +185,9 @@ def _between(base: Base, candidate: Candidate, best: Screened) -> Screened:
     What acts in a few rows only, as a limit does, is worth much in a range far narrower than any grid.
     """
     (name,) = best.added.values
-    if name in STEPWISE:
-        return best
     grid = sorted(one.values[name] for one in candidate.tries)
+    if name in STEPWISE or best.added.values[name] not in grid:
+        return best
     place = grid.index(best.added.values[name])
     ratio = max((b / a for a, b in pairwise(grid[max(place - 1, 0) : place + 2])), default=1.0)
     for _ in range(HALVINGS):
@@ -203,8 +208,8 @@ def _not_too_stiff(one: Added, narrowest: float) -> Added:
 
 def _scaled(base: Base, one: Added, amplitude: str) -> Screened | None:
     gain, scale = _taken_off(base, one)
-    spec = specifications(EFFECTS[one.kind])[amplitude]
-    neutral = spec.neutral or 0.0
+    spec = one.specification(base.case.segment.loop, amplitude)
+    neutral = neutral_value(base.case.segment.loop, one, amplitude)
     start = one.values[amplitude]
     best = neutral + scale * (start - neutral)
     if gain <= 0 or not spec.allows(best):

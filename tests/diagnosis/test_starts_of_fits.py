@@ -180,3 +180,11 @@ def test_what_an_effect_is_worth_is_asked_where_it_stands(first: int) -> None:
     case = planted(ACTUATOR, both[:: 1 - 2 * first], replace(WAVE, amplitude=3.0 * factor))
     known = fitted(case, *both[:: 1 - 2 * first])
     assert [_spared(case, known, place, Carried({})) for place in (0, 1)] == [None, None]
+
+
+def test_a_value_that_is_off_by_far_less_than_a_step_of_its_grid_is_screened() -> None:
+    weak = Added("parameter_change:damping", "act", {"damping": 0.6 * 1.004})
+    case = planted(ACTUATOR, (weak,), WAVE, noise=1e-3)
+    base = base_of(case, fitted(case))
+    found = {one.added.key: one for one in screened(base, candidates(base.view, spots(case.segment)))}
+    assert found[weak.key].added.values["damping"] == pytest.approx(0.6 * 1.004, rel=5e-4)
