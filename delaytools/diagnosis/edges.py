@@ -15,7 +15,7 @@ from delaytools.diagnosis.added import Added
 from delaytools.diagnosis.screen import Base, response
 from delaytools.diagnosis.wires import Way, change_at, own_way
 
-__all__ = ["edge_near"]
+__all__ = ["changed_at_port", "edge_beside", "edge_near"]
 
 Array = NDArray[np.float64]
 SMALL = 0.02
@@ -32,16 +32,42 @@ def edge_near(base: Base, way: Way, one: Added, side: int) -> tuple[float, float
     change, row = response(base, window), (first, last)[side]
     if change is None or not np.any(change):
         return None
-    outwards = int(FARTHEST / step)
-    inwards = min(outwards, (last - first) // 2)
-    back, on = (inwards, outwards) if side else (outwards, inwards)
+    shifts = _shifts(base, (first, last), side)
     behind = max(map(len, base.case.records)) - row
-    shifts = np.arange(-min(back, row), max(min(on, behind), 0) + 1)
     gains = _gains(base, way, (base.projected(change), 2 * side - 1), (row, shifts))
     if side and shifts[-1] == behind:  # of pulses in the last rows a log does not show all
         whole = response(base, window.moved({"end": (row + behind - 0.5) * step}))
         gains[-1] = gains[-1] if whole is None else base.gain(whole)[0]
     return _placed((row + shifts - 0.5) * step, gains, step)
+
+
+def edge_beside(base: Base, way: Way, one: Added, side: int) -> tuple[float, float, float]:
+    """As `edge_near`, of a window that the base's hypothesis has: about its fit, all that was fitted with it free; and
+    the χ² that the new place takes off.
+
+    Δχ² = 2 rᵀd - |d|², d what the rows between do by the window's own factor. A hypothesis without the window has
+    other derivatives by what is free, which count where the window changes much.
+    """
+    step, edges = base.case.step, (one.values["start"], one.values["end"])
+    first, last = (int(np.ceil(edge / step - 1e-6)) for edge in edges)
+    shifts, factor = _shifts(base, (first, last), side), one.values["factor"]
+    signals = tuple((factor - 1) / SMALL * rows for rows in changed_at_port(base, way))
+    for rows in signals:  # behind the window, as the port is
+        rows[first:last] /= factor if abs(factor) > SMALL else 1.0
+    between = _Between(signals, (first, last)[side], shifts)
+    along = (2 * side - 1) * between.summed(way.weights(base.residual))
+    places, gains = (between.row + shifts - 0.5) * step, 2 * along - _power(base, way, between)
+    place, error = _placed(places, gains, step)
+    return place, error, float(np.interp(place, places, gains))
+
+
+def _shifts(base: Base, rows: tuple[int, int], side: int) -> NDArray[np.int64]:
+    """By how many rows an edge may move: not beyond the middle of the window, nor the ends of the longest log."""
+    outwards = int(FARTHEST / base.case.step)
+    inwards = min(outwards, (rows[1] - rows[0]) // 2)
+    back, on = (inwards, outwards) if side else (outwards, inwards)
+    behind = max(map(len, base.case.records)) - rows[side]
+    return np.arange(-min(back, rows[side]), max(min(on, behind), 0) + 1)
 
 
 def _placed(places: Array, gains: Array, step: float) -> tuple[float, float]:
@@ -61,10 +87,10 @@ def _gains(base: Base, way: Way, window: tuple[Array, int], rows: tuple[int, Arr
     rows: of the edge, and its shifts. c = r·(w ± d), p = |w ± d|², d the change of the rows between; c²/p.
     """
     (own, sign), (row, shifts) = window, rows
-    between = _Between(_at_port(base, way), row, shifts)
+    between = _Between(changed_at_port(base, way), row, shifts)
     along = float(own @ base.residual) + sign * between.summed(way.weights(base.residual))
     power = float(own @ own) + 2 * sign * between.summed(way.weights(own)) + _power(base, way, between)
-    return np.where(power > 0, along**2 / np.maximum(power, 1e-300), 0.0)
+    return np.where(power > 0, along * (along / np.maximum(power, 1e-300)), 0.0)
 
 
 def _power(base: Base, way: Way, between: "_Between") -> Array:
@@ -89,7 +115,7 @@ def _by_lag(along: Array, pulse: Array) -> Array:
     return along[row:] if row < len(along) // 2 else along[row::-1]
 
 
-def _at_port(base: Base, way: Way) -> tuple[Array, ...]:
+def changed_at_port(base: Base, way: Way) -> tuple[Array, ...]:
     """Per log (n,): what a window of gain changes at each row of its wire."""
     element = own_way(base.view, Added("scale_factor", str(way.port), {"factor": 1 + SMALL}))
     changes = None if element is None else change_at(base.view, way.port, element)

@@ -16,11 +16,11 @@ from delaytools.diagnosis.spectra import interferences, modes
 from delaytools.diagnosis.starts import candidates
 from delaytools.diagnosis.stepwise import with_period_fitted
 from delaytools.diagnosis.swings import swings
-from delaytools.diagnosis.windows import transients, with_edges_fitted
+from delaytools.diagnosis.windows import edges_beside, transients, with_edges_fitted
 from delaytools.loop.port import find_port
 from delaytools.loop.values import resolve
 
-__all__ = ["PENALTY", "proposals", "sharpened_again", "shortlisted"]
+__all__ = ["PENALTY", "is_sharpened", "proposals", "sharpened_again", "shortlisted"]
 
 PENALTY = 20.0  # χ² that every value of an effect costs
 LEAST = 25.0  # χ² below which a candidate is not worth a fit
@@ -28,7 +28,8 @@ PLACES = {"periodic_interference": 3, "flexible_mode": 5, "cross_coupling": 3, "
 NEARLY, MOST_NEAR = 0.9, 5  # of a kind's best worth: places that promise so much are all fitted, up to so many
 MOST = 14
 OFF = 1e-3  # of a value: how far it may be off beside other values
-TURNS, ENOUGH = 6, 1.0  # in which it is sought again, and χ² below which that is not worth another one
+CLOSE = 1e-6  # of a fit beside what no derivative fits: ENOUGH must be far more than it leaves
+TURNS, ENOUGH = 10, 1.0  # in which it is sought again, and χ² below which that is not worth another one
 
 
 def proposals(case: Case, fitted: Fitted) -> list[Screened]:
@@ -97,17 +98,24 @@ def sharpened(base: Base, found: Sequence[Screened]) -> list[Screened]:
     return [_SHARPEN[one.added.kind](base, one.added) if one.added.kind in _SHARPEN else one for one in found]
 
 
+def is_sharpened(fitted: Fitted) -> bool:
+    """Whether the last effect has values that no derivative fits."""
+    return fitted.added[-1].kind in _SHARPEN
+
+
 def sharpened_again(case: Case, fitted: Fitted) -> Fitted:
     """The hypothesis with what no derivative fits of its last effect sought again beside the values fitted with it.
 
     In turn with these, until neither moves: a step and a natural frequency may go far together.
     """
-    for _ in range(TURNS if fitted.added[-1].kind in _SHARPEN else 0):
+    for _ in range(TURNS if is_sharpened(fitted) else 0):
         *rest, one = fitted.added
-        base = base_of(case, at_values(case, tuple(rest), fitted))
-        roughly = replace(one, errors={name: OFF * one.values[name] for name in one.errors})
-        found = _SHARPEN[one.kind](base, roughly).added
-        moved = fit_hypothesis(case, (*rest, found), near=fitted, tolerance=1e-4)
+        found = edges_beside(base_of(case, fitted)) if one.kind == "transient_gain" else None
+        if found is None:
+            base = base_of(case, at_values(case, tuple(rest), fitted))
+            roughly = replace(one, errors={name: OFF * one.values[name] for name in one.errors})
+            found = _SHARPEN[one.kind](base, roughly).added
+        moved = fit_hypothesis(case, (*rest, found), near=fitted, tolerance=CLOSE)
         if moved.chi2 > fitted.chi2 - ENOUGH:
             return moved if moved.chi2 < fitted.chi2 else fitted
         fitted = moved

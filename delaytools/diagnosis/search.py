@@ -14,7 +14,7 @@ from delaytools.diagnosis.joint_start import making_room
 from delaytools.diagnosis.lattices import quantisers_shown
 from delaytools.diagnosis.noise_of import CLEANED, EXACT, Carried, column_noise, noise_of
 from delaytools.diagnosis.pairs import pairs
-from delaytools.diagnosis.proposals import PENALTY, proposals, sharpened_again
+from delaytools.diagnosis.proposals import PENALTY, is_sharpened, proposals, sharpened_again
 from delaytools.diagnosis.screen import base_of
 from delaytools.diagnosis.stepwise import with_draws
 from delaytools.diagnosis.upgrades import plainer, richer
@@ -27,6 +27,7 @@ Array = NDArray[np.float64]
 MOST = 3
 FINEST, RESOLVED = 8, 2.0  # times finer than usual steps at most, and χ² that half the step may still change
 QUICK = 1e-4
+CLEARER = 2  # times that edges, steps and periods are sought again through the noise that they leave
 FEW, MORE = 4, 10  # runs of a first fit that only ranks, and of one that is worth going on with
 HALF = 0.5  # of what the best took off: what took off less after a few runs is left
 ALWAYS, PROMISING = 4, 0.6  # candidates fitted in any case; others where they promise this part of what was found
@@ -173,6 +174,9 @@ def _seen_through_the_best(
     """The case seen through the noise that the best of these leaves, and they fitted again, cheapest first."""
     best = sharpened_again(rough, tried[0])
     seen = case.whitened_by(noise_of(case, best, carried))
+    for _ in range(CLEARER if is_sharpened(best) else 0):  # what is left of a wrong edge is no noise
+        best = sharpened_again(seen, _refit(seen, best) or best)
+        seen = case.whitened_by(noise_of(case, best, carried))
     return seen, _shown_first(seen, _again(seen, [best, *tried[1:]], best))
 
 

@@ -7,12 +7,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delaytools.diagnosis.added import Added
-from delaytools.diagnosis.edges import edge_near
+from delaytools.diagnosis.edges import changed_at_port, edge_beside, edge_near
 from delaytools.diagnosis.places import Spot
-from delaytools.diagnosis.screen import Base, Screened, response
+from delaytools.diagnosis.screen import Base, Screened, response, response_instead
 from delaytools.diagnosis.wires import Way
 
-__all__ = ["transients", "with_edges_fitted"]
+__all__ = ["edges_beside", "transients", "with_edges_fitted"]
 
 Array = NDArray[np.float64]
 SMALL = 0.02
@@ -21,6 +21,8 @@ SPIKES = 7
 TURNS = 5  # in which start and end are sought by rows
 SURELY = 12.0  # χ² by which a place of an edge is worse than the best: surely not there
 FARTHEST, PLACES = 1.0, 25  # s from the best place, and places between there and here that are looked at
+FORGOTTEN = 0.5  # of the power of a window's answer: so much outside the window and otherwise inside is too much
+BEGINNINGS = 80  # times between which windows of gain are sought exactly
 CELLS = 400  # stretches of time between which the edges of a transient are sought
 SHORTEST, LONGEST = 4, 320  # cells: shorter ones are single rows gone wrong, longer ones the gain itself
 
@@ -33,7 +35,11 @@ def transients(base: Base, spots: Sequence[Spot]) -> list[Screened]:
         change = response(base, whole)
         if change is None:
             continue
-        start, end, scale, gain = _best_stretch(base, base.projected(change))
+        way = base.way(str(spot.port))
+        if way is not None and way.is_quick and not _forgets(base, whole, change):
+            start, end, scale, gain = _best_window(base, way)
+        else:
+            start, end, scale, gain = _best_stretch(base, base.projected(change))
         values = {"factor": 1 + SMALL * scale, "start": start, "end": end}
         one = Added(spot.kind, str(spot.port), values, {}, frozenset({"start", "end"}))
         found.append(Screened(one, gain))
@@ -56,6 +62,44 @@ def _best_stretch(base: Base, change: Array) -> tuple[float, float, float, float
     return float(first * width), float(last * width), float(scale), float(gain[first, last])
 
 
+def _forgets(base: Base, whole: Added, change: Array) -> bool:
+    """Whether a window of gain changes little outside its own stretch: not where the segment integrates."""
+    third = base.case.duration / 3
+    window = Added("transient_gain", whole.at, {**whole.values, "start": third, "end": 2 * third})
+    answer = response(base, window)
+    if answer is None:
+        return True
+    time = base.case.rows.time
+    inside = np.where((time >= third) & (time < 2 * third), change, 0.0)
+    return bool(np.sum((answer - inside) ** 2) < FORGOTTEN * np.sum(answer**2))
+
+
+def _best_window(base: Base, way: Way) -> tuple[float, float, float, float]:
+    """start, end (s), scale and χ² gain of the best window, by the answers to gains that begin at each of many times.
+
+    A window is the difference of two of these; with S their projected answers, its χ² is (rᵀ(S_a - S_b))²/|S_a - S_b|².
+    """
+    changes = changed_at_port(base, way)
+    times = base.case.duration * np.arange(BEGINNINGS + 1) / BEGINNINGS
+    answers: list[list[Array]] = [[] for _ in changes]
+    for begin in times:
+        pairs = zip(base.case.records, changes, strict=True)
+        sent = way.convolved(tuple(np.where(r.time - r.time[0] >= begin - 1e-9, u, 0.0) for r, u in pairs))
+        assert sent is not None
+        for own, rows in zip(answers, sent, strict=True):
+            own.append(rows)
+    S = base.projected(base.case.whitened(tuple(np.stack(own, axis=2) for own in answers)))
+    along, square = S.T @ base.residual, S.T @ S
+    rise = along[:, None] - along[None, :]
+    power = np.diag(square)[:, None] + np.diag(square)[None, :] - 2 * square
+    long = np.arange(len(times))[None, :] - np.arange(len(times))[:, None]
+    allowed = (long > 0) & (long <= LONGEST * BEGINNINGS / CELLS) & (power > 1e-9 * max(power.max(), 1e-300))
+    gain = np.where(allowed, rise**2 / np.where(allowed, power, 1.0), 0.0)
+    first, last = np.unravel_index(int(np.argmax(gain)), gain.shape)
+    scale = rise[first, last] / max(power[first, last], 1e-300)
+    return float(times[first]), float(times[last]), float(scale), float(gain[first, last])
+
+
 def with_edges_fitted(base: Base, one: Added) -> Screened:
     """The transient with start and end moved to where most is taken off; its factor scaled to fit."""
     edges = np.array([one.values["start"], one.values["end"]])
@@ -73,6 +117,24 @@ def with_edges_fitted(base: Base, one: Added) -> Screened:
     gain, scale = (0.0, 1.0) if change is None else base.gain(change)
     found = moved.moved({"factor": 1 + scale * (one.values["factor"] - 1)})
     return Screened(replace(found, errors={"start": start[1], "end": end[1]}), gain)
+
+
+def edges_beside(base: Base) -> Added | None:
+    """The last effect of the base's hypothesis, a window of gain, with the edge that takes more off where it is best
+    beside what was fitted with it; None where the way to the exits is not quick."""
+    one = base.fitted.added[-1]
+    way = base.way(one.at)
+    if way is None or not way.is_quick:
+        return None
+    found = {name: edge_beside(base, way, one, side) for side, name in enumerate(("start", "end"))}
+    moves = [(gain, one.moved({name: place})) for name, (place, _, gain) in found.items()]
+    for name in found:  # a held signal shows where in a row its gain changes
+        for half in (-0.5, 0.5):
+            moved = one.moved({name: max(one.values[name] + half * base.case.step, 0.0)})
+            change = response_instead(base, len(base.fitted.added) - 1, moved)
+            moves.append((0.0 if change is None else base.gain(change, 1.0, 1.0)[0], moved))
+    best = max(moves, key=lambda move: move[0])[1]
+    return replace(best, errors={name: error for name, (_, error, _) in found.items()})
 
 
 def _by_rows(base: Base, way: Way, one: Added, edges: Array) -> list[tuple[float, float]]:
