@@ -11,6 +11,7 @@ from delaytools.diagnosis.case import Case
 from delaytools.diagnosis.fitting import Fitted
 from delaytools.diagnosis.noise import Whitening
 from delaytools.diagnosis.noise_of import column_noise
+from delaytools.diagnosis.stepwise import loses_updates
 from delaytools.signals.record import Record
 
 __all__ = ["driven_best", "nominal"]
@@ -46,7 +47,10 @@ def driven_best(
     sources = [n for n in cleaned[0] if n not in case.exits and n not in case.segment.entries]
     case = _with_columns(case, cleaned, sources)
     chosen: list[str] = []
-    for entry in (n for n in case.segment.entries if n in cleaned[0]):
+    noisy = [n for n in case.segment.entries if n in cleaned[0]]
+    if noisy and loses_updates(case):  # a computer that is met exactly reads what was measured
+        return case, {**noises, **dict.fromkeys(noisy, 0.0)}
+    for entry in noisy:
         tried = _with_columns(case, cleaned, [entry])
         if _passed_on(case, tried, entry):
             noises[entry] = 0.0

@@ -12,7 +12,7 @@ from delaytools.diagnosis.screen import Base, Screened, response
 from delaytools.loop.values import resolve
 from delaytools.signals.record import Record
 
-__all__ = ["column_of", "with_draws", "with_period_fitted"]
+__all__ = ["column_of", "loses_updates", "with_draws", "with_period_fitted"]
 
 Array = NDArray[np.float64]
 Model = tuple[tuple[Added, ...], tuple[float, ...]]  # a hypothesis and its values
@@ -45,20 +45,32 @@ def with_period_fitted(base: Base, one: Added, name: str = "period") -> Screened
 
 def with_draws(case: Case) -> Case:
     """The case with the column of draws that dropped frames would need at every sampled output, and their shares."""
-    exits = [j for j, exit in enumerate(case.exits) if exit in case.records[0].held]
     shares: dict[str, float] = {}
-    if len(exits) != len(case.exits):
+    if not set(case.exits) <= case.records[0].held:
         return case
-    resolved = resolve(case.segment.loop)
-    for name in case.segment.blocks:
-        block = resolved[name].block
-        if isinstance(block, Sampled):
-            for port in case.segment.loop[name].outputs:
-                at = f"{name}.{port}"
-                case, share = _drawn(case, at, float(block.period))
-                if column_of(at) not in case.segment.loop.random:
-                    shares[at] = share
+    for at, period in _sampled_outputs(case):
+        case, share = _drawn(case, at, period)
+        if column_of(at) not in case.segment.loop.random:
+            shares[at] = share
     return replace(case, lost=shares, _replays={})
+
+
+def loses_updates(case: Case) -> bool:
+    """Whether the exits of a computer are met exactly but for updates that were lost where they leave it."""
+    if not set(case.exits) <= case.records[0].held:
+        return False
+    shown = [(at, period) for at, period in _sampled_outputs(case) if case.exit_at(at) is not None]
+    return any(_drawn(case, at, period)[1] > 0 for at, period in shown)
+
+
+def _sampled_outputs(case: Case) -> list[tuple[str, float]]:
+    """Every output of a sampled block, and the block's period in s."""
+    resolved = resolve(case.segment.loop)
+    blocks = ((name, resolved[name].block) for name in case.segment.blocks)
+    return [
+        (f"{name}.{port}", float(block.period))
+        for name, block in blocks if isinstance(block, Sampled) for port in resolved[name].outputs
+    ]  # fmt: skip
 
 
 def column_of(at: str) -> str:
