@@ -128,7 +128,7 @@ def _decided_at_once(
         outputs = _with_draws_of(case, model, (log, column), flags)
         return np.asarray(np.abs(outputs[:, exit] - measured[:, exit]) > limit)
 
-    stale = np.abs(np.diff(measured[:, exit], prepend=np.nan)) <= limit
+    stale = np.abs(np.diff(measured[:, exit], prepend=measured[0, exit])) <= limit  # what stood before is not logged
     odd = rows[wrong()[rows]]
     if not np.all(stale[odd]) or len(odd) > MOST_LOST * len(rows):
         return flags

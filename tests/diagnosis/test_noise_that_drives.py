@@ -51,6 +51,22 @@ def test_a_computer_reads_the_noise_as_well_some_rows_late(late: int) -> None:
         assert one.parameters["delay"].value == pytest.approx(late * 1e-3, abs=2e-6)
 
 
+def test_a_computer_that_loses_most_updates_reads_the_noise_of_those_that_arrive() -> None:
+    design = parse_design(READER)
+    wave = Multisine(amplitude=2.0, from_frequency=0.3, to_frequency=5.0, lines=20)
+    run = simulate(build(design), {"w": wave}, duration=3.0).record
+    draws = np.random.default_rng(3)
+    noisy = run["s"] + 0.05 * draws.standard_normal(len(run))
+    ticks, lost = 0.5 * noisy[::2], draws.uniform(size=len(noisy[::2])) < 0.6
+    for k in np.flatnonzero(lost):
+        ticks[k] = ticks[k - 1] if k else 0.0
+    held = np.repeat(ticks, 2)[: len(noisy)]
+    log = Record(run.time, {"w": wave.value(run.time), "s": noisy, "u": held}, {"w": "deg", "s": "deg", "u": "V"})
+    (one,) = diagnose(design, [log], effort=Effort(processes=1)).missing
+    assert (one.effect, one.signal) == ("dropped_frames", "u")
+    assert one.parameters["probability"].value == pytest.approx(lost.mean(), abs=2e-3)
+
+
 def test_a_force_along_the_measured_motion_is_all_that_is_missing_however_far_the_model_is() -> None:
     drag = Added("quadratic_drag", "drive.v'", {"coefficient": -20.0})
     wave = Multisine(amplitude=40.0, from_frequency=0.2, to_frequency=2.0, lines=12)
