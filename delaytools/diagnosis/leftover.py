@@ -25,6 +25,8 @@ Array = NDArray[np.float64]
 LEFT = 0.06  # power of structure left, of the noise: a quarter of its rms
 IN_A_BAND = 1.25  # the same in one octave
 CHANCE = 1e-8
+SCATTER = 1e-3  # of the usual step
+LONG = 0.3  # of the longest log: shorter ones are not asked by themselves, they tell little
 EVEN = ("bias", "scale_factor", "cross_coupling", "flexible_mode", "periodic_interference")  # leave noise as even
 WINDOW = "transient_gain"  # two of them can follow whatever depends on how much a signal moves
 
@@ -48,11 +50,12 @@ def _is_shown(case: Case, one: Added) -> bool:
 def unexplained(case: Case, fitted: Fitted, sent: tuple[Array, ...]) -> tuple[Unexplained, ...]:
     """Exits whose rest is no noise, each by the log in which it is the most."""
     outputs = case.outputs(fitted.added, fitted.values)
-    left = left_over(case, outputs)
-    found = []
+    left, found = left_over(case, outputs), []
+    longest = max(map(len, left))
+    logs = [log for log, rows in enumerate(left) if len(rows) > LONG * longest]
     for j, exit in enumerate(case.exits):
-        worst = max((_looked_at(case, outputs, left[log][:, j], sent[j], (log, j)) for log in range(len(left))),
-                    key=lambda one: one.clear)  # fmt: skip
+        rests = (_looked_at(case, outputs, left[log][:, j], sent[j], (log, j)) for log in logs)
+        worst = max(rests, key=lambda one: one.clear)
         if worst.is_structured:
             found.append(_told(case, exit, worst, hint(case, fitted, j)))
         elif not _gates_noise(case, fitted, j):
@@ -100,8 +103,13 @@ def _gates_noise(case: Case, fitted: Fitted, exit: int) -> bool:
 
 
 def _uneven(case: Case, outputs: tuple[Array, ...], rest: _Rest, exit: str) -> list[Unexplained]:
-    """The rest of an exit where it is much louder at some level or rate of a signal."""
+    """The rest of an exit where it is much louder at some level or rate of a signal.
+
+    Not asked where the stamps of the rows scatter: what they are off by is noise that goes with the rates.
+    """
     record = case.records[rest.log]
+    if np.ptp(np.diff(record.time)) > SCATTER * case.step:
+        return []
     signals = {n: record[n] for n in case.segment.entries if n in record}
     signals |= {n: outputs[rest.log][:, k] for k, n in enumerate(case.exits)}
     one = loudest(rest.white, signals, rest.sent, case.step)

@@ -18,7 +18,7 @@ from delaytools.diagnosis.proposals import PENALTY, is_sharpened, proposals, sha
 from delaytools.diagnosis.screen import base_of
 from delaytools.diagnosis.stepwise import with_draws
 from delaytools.diagnosis.upgrades import plainer, richer
-from delaytools.diagnosis.worth import PART_OF_NOISE, objection
+from delaytools.diagnosis.worth import NAMED, PART_OF_NOISE, objection
 from delaytools.signals.trouble import DelaytoolsError
 
 __all__ = ["Finding", "search"]
@@ -69,7 +69,7 @@ def search(case: Case, carried: Carried, *, deadline: float = np.inf) -> Finding
     case, null = _rewhitened(case, null, carried)
     fitted, refused = null, None
     rivals: list[list[Fitted]] = []
-    while len(fitted.added) < MOST and not case.is_late:
+    while len(fitted.added) < MOST and _left(case, fitted) > NAMED + PENALTY and not case.is_late:
         best, others, seen = _step(case, fitted, carried)
         if best is None:
             break
@@ -117,6 +117,11 @@ def _resolved(case: Case, best: Fitted, others: list[Fitted]) -> tuple[Case, Fit
         return case, best, others
     first, *rest = _again(case, [best, *others], best)
     return case, first, rest
+
+
+def _left(case: Case, fitted: Fitted) -> float:
+    """χ² that an effect more could take off; far below the number of rows where a model meets what a log resolves."""
+    return float(len(fitted.residual)) if case.pieces else fitted.chi2
 
 
 def _is_loud(case: Case, fitted: Fitted, carried: Carried) -> bool:

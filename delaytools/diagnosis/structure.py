@@ -49,7 +49,7 @@ def _past(inputs: Array) -> Array:
     spread = inputs.std(axis=0)
     useful = inputs[:, spread > 1e-12] / spread[spread > 1e-12]
     columns = [np.ones(len(inputs))]
-    for lag in LAGS:
+    for lag in (lag for lag in LAGS if lag < len(inputs)):
         for u in useful.T:
             columns.append(np.concatenate([np.full(lag, u[0]), u[: len(u) - lag]]))
     stacked = np.stack(columns, axis=1)
