@@ -83,8 +83,7 @@ def test_emps_lacks_coulomb_friction_first_then_the_offset() -> None:
     assert _fall(found, "position") < 0.35
 
 
-@pytest.mark.xfail(strict=True, reason="93.04 kg, 2.2 % low: a third effect, an interference at 0.67 Hz, pulls it")
 @measured
 def test_emps_mass_is_the_published_one() -> None:
-    """Published: 95.1 kg; found within 2 % before friction and offset were found at their published levels."""
+    """Published: 95.1 kg."""
     assert _found("emps").tolerated["drive.mass"].value == pytest.approx(95.1, rel=0.02)
