@@ -54,11 +54,13 @@ def design(which: str) -> str:
     return f"{CHAIN}\n[[effects]]\n{DESIGNED[which]}\n"
 
 
-@pytest.mark.parametrize("hidden", HIDDEN)
-@pytest.mark.parametrize("designed", DESIGNED)
+@pytest.mark.parametrize(
+    ("designed", "hidden"),
+    [("at the exit", "interference"), ("at the exit", "offset"), ("at the entry", "offset"), ("between blocks", "play")],
+)
 def test_one_more_effect_is_found(designed: str, hidden: str) -> None:
     true = HIDDEN[hidden]
-    found = search(planted(design(designed), (true,), WAVE, exit="y"), Carried({"u": 0.0}))
+    found = search(planted(design(designed), (true,), WAVE, exit="y", seconds=3.0), Carried({"u": 0.0}))
     (one,) = found.fitted.added
     assert one.kind == true.kind and found.case.exit_at(one.at) == found.case.exit_at(true.at)
     for name, value in true.values.items():
@@ -73,7 +75,7 @@ def test_effects_of_the_design_change_no_place(designed: str) -> None:
 
 def test_a_force_is_found_behind_a_delay_of_the_design() -> None:
     true = Added("coulomb_friction", "drive.v'", {"level": 1.5, "smoothing": 0.01})
-    found = search(planted(LATE_DRIVE, (true,), WAVE, exit="v"), Carried({"u": 0.0}))
+    found = search(planted(LATE_DRIVE, (true,), WAVE, exit="v", seconds=3.0), Carried({"u": 0.0}))
     (one,) = found.fitted.added
     assert one.key == true.key
     assert found.fitted.by_path["effects.1000.level"].value == pytest.approx(1.5, rel=0.02)
@@ -90,7 +92,7 @@ def test_what_an_effect_of_the_design_has_may_be_tolerated() -> None:
 
 def test_an_effect_that_one_log_alone_shows_is_named() -> None:
     limit = Added("saturation", "act.input", {"limit": 3.0})
-    small, large = (planted(ACTUATOR, (limit,), replace(WAVE, amplitude=a)) for a in (0.5, 3.0))
+    small, large = (planted(ACTUATOR, (limit,), replace(WAVE, amplitude=a), seconds=3.0) for a in (0.5, 3.0))
     both = {"records": small.records + large.records, "measured": small.measured + large.measured}
     case = replace(small, **both, smooth=frozenset({"u"}), _replays={})
     found = search(case, Carried({"u": 0.0}))
