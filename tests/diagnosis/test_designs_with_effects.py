@@ -56,8 +56,9 @@ def design(which: str) -> str:
 
 @pytest.mark.parametrize(
     ("designed", "hidden"),
-    [("at the exit", "interference"), ("at the exit", "offset"), ("at the entry", "offset"), ("between blocks", "play")],
-)
+    [("at the exit", "interference"), ("at the exit", "offset"), ("at the entry", "offset"),
+     ("between blocks", "play")],
+)  # fmt: skip
 def test_one_more_effect_is_found(designed: str, hidden: str) -> None:
     true = HIDDEN[hidden]
     found = search(planted(design(designed), (true,), WAVE, exit="y", seconds=3.0), Carried({"u": 0.0}))
