@@ -43,10 +43,11 @@ BUDGET = 170.0  # s
 @final
 @dataclass(frozen=True)
 class Effort:
-    """How much a diagnosis may cost: processes, and s after which no new search begins (then `budget_exhausted`).
+    """How much a diagnosis may cost.
 
-    seed: of the noise by which it is judged what noise on a measured input does further on. signals: measured ones
-    to be explained (() = all that the design writes).
+    budget: s after which searches end where they stand, which `budget_exhausted` then says. seed: of the noise by which
+    it is judged what noise on a measured input does further on. signals: measured ones to be explained (() = all that
+    the design writes).
     """
 
     processes: int = 2
@@ -98,8 +99,6 @@ def diagnose(
     """
     begin = time.monotonic()
     effort = effort or Effort()
-    if not records:
-        raise AnalysisError("no log to compare with", advice="give at least one log")
     each = _configurations(configuration, len(records))
     loop = build(design, each[0])
     part, left_out = searched_rows(records)
@@ -112,35 +111,38 @@ def diagnose(
     moved: tuple[dict[str, Array], ...] = tuple({} for _ in ready)
     noise: dict[str, Whitening] = {}
     done: dict[int, SegmentReport] = {}
+    waves = _wanted(_waves(parts, ready), parts, effort.signals)
     try:
         with workers(effort.processes) as share:
-            for wave in _wanted(_waves(parts, ready), parts, effort.signals):
+            for wave in waves:
                 known = ready, cleaned, moved, noise, pieces, numbers
                 tasks = [_Task(design, each[0], *known, k, (begin + effort.budget, effort.seed)) for k in wave]
                 for place, report in share(_work, tasks):
                     done[wave[place]] = report
                     if progress:
-                        progress(f"{' and '.join(report.exits)} done", len(done) / len(parts))
+                        progress(f"{' and '.join(report.exits)} done", len(done) / sum(map(len, waves)))
                 for report in (done[k] for k in wave):
                     noise |= dict(zip(report.exits, report.noise, strict=True))
                     _clean(cleaned, moved, ready, report)
     except KeyboardInterrupt:
-        raise Interrupted(_cut_short(parts, done, words, time.monotonic() - begin)) from None
+        left = [parts[k] for wave in waves for k in wave if k not in done]
+        raise Interrupted(_cut_short(left, done, words, time.monotonic() - begin)) from None
     return _answer([done[k] for k in sorted(done)], words, time.monotonic() - begin)
 
 
 def _cut_short(
-    parts: Sequence[Segment], done: Mapping[int, SegmentReport], words: tuple[str, ...], seconds: float
+    left: Sequence[Segment], done: Mapping[int, SegmentReport], words: tuple[str, ...], seconds: float
 ) -> Diagnosis:
-    """What the finished segments say; adequate is no answer while others were not searched."""
-    exits = ", ".join(exit for k, part in enumerate(parts) if k not in done for exit in part.exits)
-    words += (f"interrupted: not searched at {exits}",)
+    """What the finished segments say; adequate is no answer while some are left that were not searched."""
+    words += (f"interrupted: not searched at {', '.join(exit for part in left for exit in part.exits)}",)
     found = _answer([done[k] for k in sorted(done)], words, seconds)
     return replace(found, interrupted=True, verdict="missing" if found.verdict == "missing" else "unexplained")
 
 
 def _configurations(given: str | Sequence[str | None] | None, logs: int) -> Sequence[str | None]:
-    """The configuration of each log."""
+    """The configuration of each log; raises AnalysisError where there is none, or not one for each."""
+    if not logs:
+        raise AnalysisError("no log to compare with", advice="give at least one log")
     if given is None or isinstance(given, str):
         return [given] * logs
     if len(given) != logs:
