@@ -11,7 +11,7 @@ from typing import final
 import numpy as np
 from numpy.typing import NDArray
 
-from delaytools.diagnosis.added import Added
+from delaytools.diagnosis.added import Added, path_of
 from delaytools.diagnosis.screen import Base, response
 from delaytools.diagnosis.wires import Way, change_at, own_way
 
@@ -19,6 +19,7 @@ __all__ = ["changed_at_port", "edge_beside", "edge_near"]
 
 Array = NDArray[np.float64]
 SMALL = 0.02
+NEARBY = 0.1  # of a window's length or of its answer: how far an edge moves about a fit, whose derivatives it changes
 FARTHEST = 1.0  # s from the place where it was taken to be
 AS_GOOD = 4.0  # χ² by which the middle of the places may be worse than the best
 
@@ -56,9 +57,18 @@ def edge_beside(base: Base, way: Way, one: Added, side: int) -> tuple[float, flo
         rows[first:last] /= factor if abs(factor) > SMALL else 1.0
     between = _Between(signals, (first, last)[side], shifts)
     along = (2 * side - 1) * between.summed(way.weights(base.residual))
-    places, gains = (between.row + shifts - 0.5) * step, 2 * along - _power(base, way, between)
+    power, whole = _power(base, way, between)
+    near = (np.abs(shifts) <= NEARBY * (last - first)) | (whole <= NEARBY**2 * _own_power(base, factor))
+    places, gains = (between.row + shifts - 0.5) * step, np.where(near, 2 * along - power, -np.inf)
     place, error = _placed(places, gains, step)
     return place, error, float(np.interp(place, places, gains))
+
+
+def _own_power(base: Base, factor: float) -> float:
+    """χ² of the answer to the last effect of the base's hypothesis, a window of this factor."""
+    path = path_of(len(base.fitted.added) - 1, "factor")
+    column = next(k for k, p in enumerate(base.fitted.parameters) if p.path == path)
+    return float(np.sum(((factor - 1) * base.fitted.jacobian[:, column]) ** 2))
 
 
 def _shifts(base: Base, rows: tuple[int, int], side: int) -> NDArray[np.int64]:
@@ -89,12 +99,12 @@ def _gains(base: Base, way: Way, window: tuple[Array, int], rows: tuple[int, Arr
     (own, sign), (row, shifts) = window, rows
     between = _Between(changed_at_port(base, way), row, shifts)
     along = float(own @ base.residual) + sign * between.summed(way.weights(base.residual))
-    power = float(own @ own) + 2 * sign * between.summed(way.weights(own)) + _power(base, way, between)
+    power = float(own @ own) + 2 * sign * between.summed(way.weights(own)) + _power(base, way, between)[0]
     return np.where(power > 0, along * (along / np.maximum(power, 1e-300)), 0.0)
 
 
-def _power(base: Base, way: Way, between: "_Between") -> Array:
-    """(shifts,): χ² of the rows between the edge and its shifted place, what free values can do left out."""
+def _power(base: Base, way: Way, between: "_Between") -> tuple[Array, Array]:
+    """(shifts,): χ² of the rows between an edge and its shifted place, what free values can do left out; and in all."""
     every = max(way.every, 1)
     tick = max((between.row + int(between.shifts[0] + between.shifts[-1]) // 2) // every, 1) * every
     pulse = tuple(np.zeros(len(rows)) for rows in between.signals)
@@ -103,10 +113,11 @@ def _power(base: Base, way: Way, between: "_Between") -> Array:
     answer = way.convolved(pulse)
     assert answer is not None
     together = tuple(map(_by_lag, way.weights(base.case.whitened(answer)), pulse))
-    found = between.squared(together)
+    whole = between.squared(together)
+    found = whole.copy()
     for column in base.basis.T:
         found -= between.summed(way.weights(column)) ** 2
-    return np.maximum(found, 0.0)
+    return np.maximum(found, 0.0), whole
 
 
 def _by_lag(along: Array, pulse: Array) -> Array:

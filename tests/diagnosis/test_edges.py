@@ -12,11 +12,12 @@ from delaytools.diagnosis.edges import _gains, edge_near
 from delaytools.diagnosis.fitting import Fitted
 from delaytools.diagnosis.noise_of import Carried, noise_of
 from delaytools.diagnosis.places import spots
+from delaytools.diagnosis.proposals import sharpened_again
 from delaytools.diagnosis.screen import Base, base_of, response
 from delaytools.diagnosis.windows import transients, with_edges_fitted
 from delaytools.signals.parameter import Parameter
 from delaytools.signals.stimulus import Multisine
-from tests.diagnosis.small_cases import ACTUATOR, NOISE, fitted, planted
+from tests.diagnosis.small_cases import ACTUATOR, NOISE, SLIDE, fitted, planted
 
 WAVE = Multisine(amplitude=3.0, from_frequency=0.3, to_frequency=6.0, lines=25)
 SEEDS = 10
@@ -97,3 +98,19 @@ def test_a_window_that_begins_with_the_first_row_has_an_end() -> None:
     assert way is not None and edge_near(base, way, one, 0) is not None
     end = edge_near(base, way, one, 1)
     assert end is not None and end[0] == pytest.approx(3.5, abs=0.1)
+
+
+def test_a_window_whose_answer_stays_is_screened_and_its_edges_found_beside_the_fit() -> None:
+    slow = Multisine(amplitude=3.0, from_frequency=0.2, to_frequency=1.0, lines=9)
+    true = window("drive.u", 0.6)
+    case = planted(SLIDE, (true,), slow)
+    base = base_of(case, fitted(case))
+    (found,) = [one for one in transients(base, spots(case.segment)) if one.added.at == "drive.u"]
+    assert found.gain > 0.9 * fitted(case).chi2
+    assert found.added.values["start"] == pytest.approx(2.0, abs=0.2)
+    begun = true.moved({"start": 2.03, "end": 3.52})
+    one = sharpened_again(case, fitted(case, begun))
+    assert max(one.added[0].errors.values()) < 0.012
+    for name, error in one.added[0].errors.items():
+        assert one.added[0].values[name] == pytest.approx(true.values[name], abs=3 * error)
+    assert one.chi2 < fitted(case, true).chi2 + 4.0
