@@ -100,7 +100,7 @@ def _gains(base: Base, way: Way, window: tuple[Array, int], rows: tuple[int, Arr
     between = _Between(changed_at_port(base, way), row, shifts)
     along = float(own @ base.residual) + sign * between.summed(way.weights(base.residual))
     power = float(own @ own) + 2 * sign * between.summed(way.weights(own)) + _power(base, way, between)[0]
-    return np.where(power > 0, along * (along / np.maximum(power, 1e-300)), 0.0)
+    return np.divide(along**2, power, out=np.zeros_like(power), where=power > 0)
 
 
 def _power(base: Base, way: Way, between: "_Between") -> tuple[Array, Array]:

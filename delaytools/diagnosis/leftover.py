@@ -66,11 +66,10 @@ def unexplained(case: Case, fitted: Fitted, sent: tuple[Array, ...]) -> tuple[Un
 @final
 @dataclass(frozen=True, eq=False)
 class _Rest:
-    """The rest of an exit in a log: whitened rows (n,), inputs (n, k), bands, what inputs' noise sends there (n,)."""
+    """The rest of an exit in a log: whitened rows (n,), what inputs' noise may send there (n,), and its bands."""
 
     log: int
     white: Array
-    inputs: Array
     sent: Array
     bands: tuple[Band, ...]
 
@@ -90,9 +89,8 @@ def _looked_at(
 ) -> _Rest:
     log, j = place
     white = without_odd_rows(case.whitening[j].apply(residual), least=1.0)
-    inputs = features(case, outputs, log)
     allowed = np.resize(case.whitening[j].apply(sent), len(white))  # known along the first log
-    return _Rest(log, white, inputs, allowed, structured_bands(white, inputs, allowed))
+    return _Rest(log, white, allowed, structured_bands(white, features(case, outputs, log), allowed))
 
 
 def _gates_noise(case: Case, fitted: Fitted, exit: int) -> bool:

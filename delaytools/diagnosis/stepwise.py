@@ -12,7 +12,7 @@ from delaytools.diagnosis.screen import Base, Screened, response
 from delaytools.loop.values import resolve
 from delaytools.signals.record import Record
 
-__all__ = ["column_of", "loses_updates", "with_draws", "with_period_fitted"]
+__all__ = ["loses_updates", "with_draws", "with_period_fitted"]
 
 Array = NDArray[np.float64]
 Model = tuple[tuple[Added, ...], tuple[float, ...]]  # a hypothesis and its values
@@ -50,7 +50,7 @@ def with_draws(case: Case) -> Case:
         return case
     for at, period in _sampled_outputs(case):
         case, share = _drawn(case, at, period)
-        if column_of(at) not in case.segment.loop.random:
+        if _column_of(at) not in case.segment.loop.random:
             shares[at] = share
     return replace(case, lost=shares, _replays={})
 
@@ -73,14 +73,14 @@ def _sampled_outputs(case: Case) -> list[tuple[str, float]]:
     ]  # fmt: skip
 
 
-def column_of(at: str) -> str:
+def _column_of(at: str) -> str:
     """The column that says which updates of a port are lost."""
     return f"dropped_frames@{at}.draw"
 
 
 def _drawn(case: Case, at: str, period: float) -> tuple[Case, float]:
     """The case with the draws of a port, of the design's own dropped frames where it has them; the share lost."""
-    column = column_of(at)
+    column = _column_of(at)
     designed = column in case.segment.loop.random
     tried = () if designed else (Added("dropped_frames", at, {"probability": 0.5}, {}, frozenset({"probability"})),)
     records, lost, ticks = [], 0, 0

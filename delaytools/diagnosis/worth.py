@@ -12,7 +12,7 @@ from delaytools.diagnosis.noise import incoherent_spectrum
 from delaytools.diagnosis.noise_of import Carried
 from delaytools.diagnosis.proposals import PENALTY
 
-__all__ = ["NAMED", "PART_OF_NOISE", "SMALL", "WORTHLESS", "objection"]
+__all__ = ["NAMED", "PART_OF_NOISE", "WORTHLESS", "objection"]
 
 Array = NDArray[np.float64]
 NAMED = 60.0  # held-out χ² that an effect must be worth
