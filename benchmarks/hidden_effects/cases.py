@@ -80,7 +80,7 @@ def draw(number: int, seed: int, attempt: int) -> Case:
     stated = {
         name: _digits(x * (1 + rng.uniform(-share, share))) for name, (x, share) in bench.numbers.items()
     }
-    changed = [c for wish in plan for c in wish.offer.changes if wish.effect == "parameter_change"]
+    changed = [name for wish in plan for name in _undecidable(wish)]
     share = 1.0 if kind == "weak_drift" else 0.5
     tolerance = _tolerances(bench, changed, rng) if rng.random() < share else {}
     truth = {
@@ -131,6 +131,13 @@ def _drive(bench: Architecture, kind: str, rng: Generator) -> tuple[dict[str, Ar
     main, other = bench.externals
     columns = {main: excitation.demand(form, size, ROWS, rng), other: excitation.unrelated(ROWS, rng)}
     return columns, {"excitation": form, "demand_size": size}
+
+
+def _undecidable(wish: Wish) -> tuple[str, ...]:
+    """Numbers of the loop whose tolerance would hide this effect."""
+    if wish.effect == "parameter_change":
+        return wish.offer.changes
+    return tuple(name for effect, name in wish.offer.same_as.items() if effect == wish.effect)
 
 
 def _tolerances(bench: Architecture, changed: Sequence[str], rng: Generator) -> dict[str, float]:

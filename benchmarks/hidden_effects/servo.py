@@ -28,6 +28,7 @@ OFFERS = (
         (*TIMING, *BOTH_SIDES, "scale_factor", "gain_drift", "transient_gain"),
         judged=("rate",),
         scale_of="command",
+        same_as={"scale_factor": "drive.gain"},
     ),
     Offer(
         "drive.v'",
