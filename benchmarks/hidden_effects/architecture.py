@@ -55,8 +55,8 @@ class Offer:
     """Effects that may be drawn at a port, the signals at which they show, and the signals that may be their source.
 
     judged: the signal at which the size is measured. scale_of: the signal whose size sets the range; is_rate: it is the
-    rate that the effect sees, not the position. same_as: an effect that is the same as a change of a number of the loop,
-    which no log can tell apart from a tolerance of that number.
+    rate that the effect sees, not the position. same_as: an effect that is the same as a change of a number of the
+    loop, which no log can tell apart from a tolerance of that number.
     """
 
     port: str
