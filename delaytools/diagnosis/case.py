@@ -209,7 +209,10 @@ class Case:
 
         What uncertain values of other segments could do there counts as noise.
         """
-        rows = self._filtered(signals)
+        return self.less_nuisance(self._filtered(signals))
+
+    def less_nuisance(self, rows: Array) -> Array:
+        """(rows,) or (rows, k): rows that went through the filters, whitened for the uncertain values as well."""
         basis = self._nuisance_basis
         return rows - basis @ (basis.T @ rows) if basis.shape[1] else rows
 
@@ -274,8 +277,7 @@ class Case:
 
     def unfiltered(self, rows: Array, log: int) -> Array:
         """(n, exits): the adjoint of `whitened` on the rows (rows,) of one log, which are in one piece."""
-        basis = self._nuisance_basis
-        rows = rows - basis @ (basis.T @ rows) if basis.shape[1] else rows
+        rows = self.less_nuisance(rows)
         chosen = [rows[(self.rows.log == log) & (self.rows.exit == j)] for j in range(len(self.exits))]
         return np.stack([f.apply(part[::-1])[::-1] for f, part in zip(self.whitening, chosen, strict=True)], axis=1)
 

@@ -5,6 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.fft import next_fast_len
+from scipy.signal import find_peaks
 
 from delaytools.diagnosis.added import Added
 from delaytools.diagnosis.case import Case
@@ -23,13 +25,12 @@ KIND = "quantization"
 EXCESS = 1.05  # of the noise: a residual below it is not worth a search for quantisation further upstream
 FINEST = 1e-7  # of a step: how well it is to be known
 AROUND = 0.03  # of the best step: where a better one may lie
-TRIED, TRIED_SLOWLY = 12, 4  # steps whose change is sent through the segment, by convolution and by runs
-COARSE, SIZES = (0.05, 2.0), 25  # of the signal's spread: steps so large that their pattern needs no fine grid
-NEAREST_STEPS, NEAREST_SHOWN = 0.003, 0.0004  # relative, between steps at a port inside, and at an exit itself
-FINE = 0.1  # of a signal's spread: the rounding of a finer step is white
+TRIED, TRIED_SLOWLY = 30, 4  # steps whose change is sent through the segment, by convolution and by runs
+FINE, COARSEST = 0.05, 2.0  # of a signal's spread: the rounding of a finer step is white; no step is coarser
+NEAREST, FARTHEST = 0.08, 0.03  # between coarse steps, relative: of the step over the spread, and at most
+HARMONICS, CELLS = 3, 8  # of a rounding's pattern over its signal, and cells for a period of the last
+FINER, MOST_CELLS = 4, 2**20  # frequencies for one period in the signal's range, and cells at most
 AS_GOOD, HALVED = 4.0, 6  # χ² by which a step may be worse, and how often its edge is halved
-MOST_SHOWN = 6000
-MOST_STEPS = 900  # of a quantiser that are tried at a port
 
 
 def quantisations(base: Base, view: View, spots: Sequence[Spot]) -> list[Screened]:
@@ -60,15 +61,12 @@ def _best_step(base: Base, spot: Spot, signals: tuple[Array, ...]) -> Screened |
     size = _size_by_power(base, way) if shown is None else float(np.sqrt(12) * left[:, shown].std())
     if not 0 < size < np.inf:
         return None
-    weights = way.weights(base.residual)
-    nearest = NEAREST_STEPS if shown is None else NEAREST_SHOWN
-    high = max((3.0 if shown is None else 1.3) * size, COARSE[1] * spread)
-    steps = _steps((spread, nearest), 0.25 * size, high, MOST_STEPS if shown is None else MOST_SHOWN)
-    promised = np.array([_worth(base, way, (signals, weights), step, shown is not None) for step in steps])
-    first = np.argsort(promised)[::-1][: TRIED if way.is_quick else TRIED_SLOWLY]
-    tried = {float(steps[k]) for k in first if promised[k] > 0}
-    if way.is_quick and shown is None:
-        tried |= {float(step) for step in np.geomspace(*COARSE, SIZES) * spread}
+    rows, count = (signals, way.weights(base.residual)), TRIED if way.is_quick else TRIED_SLOWLY
+    tried = _fine_steps(rows, (0.25 * size, FINE * spread), count)
+    exactly = way.is_quick and shown is None
+    coarse = _coarse_steps(spread)
+    promised = np.array([_score(base, at, s) if exactly else _promised(s, way, *rows) for s in coarse])
+    tried += [float(coarse[k]) for k in np.argsort(promised)[::-1][:count] if promised[k] > 0]
     scores = {step: _score(base, at, step) for step in tried}
     top = max(scores, key=scores.__getitem__, default=0.0)
     if scores.get(top, 0.0) <= 0:
@@ -76,15 +74,39 @@ def _best_step(base: Base, spot: Spot, signals: tuple[Array, ...]) -> Screened |
     return _finer(base, at, (top, AROUND * top), slowly=not way.is_quick)
 
 
-def _worth(
-    base: Base, way: Way, rows: tuple[tuple[Array, ...], tuple[Array, ...]], step: float, shown: bool
-) -> float:
-    """χ² that a step is worth, to choose steps by; rows: signals and weights at the port, shown: it is an exit."""
-    if shown and step <= FINE * float(np.std(np.concatenate(rows[0]))):
-        return 2 * _along(step, way, *rows) - step**2 / 12 * way.white_power
-    if shown or not way.is_quick:
-        return _promised(step, way, *rows)
-    return _score(base, str(way.port), step)
+def _fine_steps(
+    rows: tuple[tuple[Array, ...], tuple[Array, ...]], within: tuple[float, float], count: int
+) -> list[float]:
+    """Steps within these limits whose rounding goes best with the residual; rows: signals at the port, and weights of
+    a change there.
+
+    What rounding adds to u is step Σ (-1)^k sin(2πk u/step)/(πk), so that its sum with the weights follows for all
+    steps at once from the Fourier transform of the weights over the values of u. By chance it grows as the step.
+    """
+    low, high = within
+    u, weights = (np.concatenate(part) for part in rows)
+    width = max(low / (HARMONICS * CELLS), float(np.ptp(u)) / MOST_CELLS)
+    cells = (u - u.min()) / width
+    first = cells.astype(np.int64)
+    part = cells - first
+    line = np.bincount(first, weights * (1 - part), first.max() + 2) + np.bincount(first + 1, weights * part)
+    size = next_fast_len(FINER * len(line), real=True)
+    per_unit = np.fft.rfftfreq(size, width)
+    sums = (np.fft.rfft(line, size).conj() * np.exp(2j * np.pi * per_unit * u.min())).imag
+    first_and_last = np.searchsorted(per_unit, [1 / high, 1 / low])
+    chosen = np.arange(max(1, first_and_last[0]), min(first_and_last[1], len(sums) // HARMONICS))
+    steps = 1 / per_unit[chosen]
+    along = sum((-1) ** k / (np.pi * k) * sums[k * chosen] for k in range(1, HARMONICS + 1))
+    peaks = find_peaks(along, height=0.0)[0]
+    return [float(steps[k]) for k in peaks[np.argsort(along[peaks])[::-1][:count]]]
+
+
+def _coarse_steps(spread: float) -> Array:
+    """Steps as far apart as the rounding of a signal keeps its pattern, those beside whose lines noise is small."""
+    found = [FINE * spread]
+    while found[-1] < COARSEST * spread:
+        found.append(found[-1] * (1 + min(NEAREST * found[-1] / spread, FARTHEST)))
+    return np.array(found)
 
 
 def _finer(base: Base, at: str, range_of: tuple[float, float], *, slowly: bool = False) -> Screened:
@@ -166,14 +188,6 @@ def _along(step: float, way: Way, signals: tuple[Array, ...], weights: tuple[Arr
     return sum(
         float(way.read(_rounding(u, step)) @ w) for u, w in zip(signals, weights, strict=True)
     )
-
-
-def _steps(signal: tuple[float, float], low: float, high: float, most: int) -> Array:
-    """Steps as far apart as the rounding of a signal keeps its pattern; signal: its spread, and the nearest ratio."""
-    (spread, nearest), found = signal, [low]
-    while found[-1] < high and len(found) < most:
-        found.append(found[-1] * (1 + np.clip(0.08 * found[-1] / spread, nearest, 0.03)))
-    return np.array(found)
 
 
 def _left(base: Base, at: str, step: float) -> Array | None:

@@ -156,6 +156,8 @@ def _best(base: Base, candidate: Candidate) -> Screened | None:
         return _scaled(base, candidate.first, candidate.amplitude)
     found = [_best_of(base, candidate.tries)]
     (name, *others) = candidate.first.values
+    if name == "half_width":  # far below the first of the grid what a band does grows as its width
+        found.append(_scaled(base, candidate.first, name))
     if ":" in candidate.first.kind and name not in STEPWISE and not others:
         design = neutral_value(base.case.segment.loop, candidate.first, name)
         found.append(_scaled(base, candidate.first.moved({name: (1 + NEARBY) * design}), name))

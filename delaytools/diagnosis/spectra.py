@@ -2,10 +2,12 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import minimize
 
 from delaytools.blocks.block import Sampled
 from delaytools.diagnosis.added import Added
@@ -28,6 +30,7 @@ LIGHT = 0.4  # damping above which a mode is none
 RATIO = 1.02  # of neighbouring frequencies of the search for modes
 LINES = 3  # highest lines tried at a port
 MODES = 3  # modes tried per port and source
+NEAR_TOP, EVALUATIONS = 0.3, 30  # of the best mode's χ²: ways whose best is sought between the grid's points as well
 _CHUNK = 64
 
 
@@ -128,8 +131,7 @@ def modes(base: Base, view: View, spots: Sequence[Spot]) -> list[Screened]:
     case = base.case
     size = 2 * len(case.records[0])
     spectra, filters = _whitened_spectra(base, 0, size)
-    ways: list[tuple[Port, str]] = []
-    products, powers = [], []
+    ways: list[_Shaken] = []
     for port in dict.fromkeys(s.port for s in spots if s.kind == "flexible_mode"):
         pulse = impulse(base, port)
         if pulse is None:
@@ -140,23 +142,57 @@ def modes(base: Base, view: View, spots: Sequence[Spot]) -> list[Screened]:
             if view.is_at(port, source) and port.kind == "output":
                 continue
             at_first = shaken[0] if case.pieces else 0.0  # a run begins at rest: its first row is a jump
-            driven = through * np.fft.rfft(shaken - at_first, size)
-            products.append(np.sum(spectra.conj() * driven, axis=0))
-            powers.append(np.sum(np.abs(driven) ** 2, axis=0))
-            ways.append((port, source))
+            ways.append(_Shaken(port, source, through * np.fft.rfft(shaken - at_first, size)))
     if not ways:
         return []
-    return _best_modes(np.stack(products, 1), np.stack(powers, 1), ways, (size, case.step))
+    products = np.stack([np.sum(spectra.conj() * way.driven, axis=0) for way in ways], 1)
+    powers = np.stack([np.sum(np.abs(way.driven) ** 2, axis=0) for way in ways], 1)
+    tops = _best_modes(products, powers, (size, case.step))
+    least = NEAR_TOP * max(first.chi2 for first, *_ in tops)
+    found = []
+    for way, (first, *others) in zip(ways, tops, strict=True):
+        nearer = _between_the_grid(base, way, first) if first.chi2 > least else first
+        found += [_candidate(case, way, mode) for mode in (nearer, *others)]
+    return found
 
 
-def _best_modes(
-    products: Array, powers: Array, ways: list[tuple[Port, str]], sampling: tuple[int, float]
-) -> list[Screened]:
+@final
+@dataclass(frozen=True, eq=False)
+class _Shaken:
+    """A signal that may shake a mode at a port; driven: (exits, bins) its whitened spectra there, the mode left out."""
+
+    port: Port
+    source: str
+    driven: NDArray[np.complex128]
+
+
+@final
+@dataclass(frozen=True, order=True)
+class _Mode:
+    """A mode with the χ² that it takes off; frequency in Hz."""
+
+    chi2: float
+    frequency: float
+    damping: float
+    gain: float
+
+
+def _candidate(case: Case, way: _Shaken, mode: _Mode) -> Screened:
+    centre = mode.frequency
+    values = {"gain": mode.gain, "frequency": centre, "damping": mode.damping}
+    highest = max(centre, min(WIDELY * centre, 0.5 / case.step))
+    limits = {"damping": (1e-4, LIGHT), "frequency": (centre / WIDELY, highest)}
+    one = Added("flexible_mode", str(way.port), values, {"source": way.source}, frozenset(), limits)
+    return Screened(one, mode.chi2)
+
+
+def _best_modes(products: Array, powers: Array, sampling: tuple[int, float]) -> list[list[_Mode]]:
+    """The best modes of the grid for every way, the best first; products, powers: (bins, ways)."""
     size, step = sampling
     count = size // 2
     frequency = np.fft.rfftfreq(size, step)
     centres = np.exp(np.arange(math.log(4 / (count * step)), math.log(0.45 / step), math.log(RATIO)))
-    best: dict[int, list[tuple[float, float, float, float]]] = {k: [] for k in range(len(ways))}
+    best: list[list[_Mode]] = [[] for _ in range(products.shape[1])]
     for damping in DAMPINGS:
         for first in range(0, len(centres), _CHUNK):
             chosen = centres[first : first + _CHUNK]
@@ -164,19 +200,33 @@ def _best_modes(
             up = (shape @ products.astype(np.complex64)).real
             down = (np.abs(shape) ** 2) @ powers.astype(np.float32)
             power = np.where(down > 0, down, np.inf)
-            gains, chi2 = 2 * up / power, 2 * up**2 / power / size
-            for k in range(len(ways)):
-                top = int(np.argmax(chi2[:, k]))
-                best[k].append((float(chi2[top, k]), float(chosen[top]), damping, float(gains[top, k]) / 2))
-    found = []
-    for k, (port, source) in enumerate(ways):
-        for chi2, centre, damping, gain in sorted(best[k], reverse=True)[:MODES]:
-            values = {"gain": gain, "frequency": centre, "damping": damping}
-            highest = max(centre, min(WIDELY * centre, 0.5 / step))
-            limits = {"damping": (1e-4, LIGHT), "frequency": (centre / WIDELY, highest)}
-            found.append(Screened(Added("flexible_mode", str(port), values, {"source": source}, frozenset(), limits),
-                                  chi2))  # fmt: skip
-    return found
+            chi2 = 2 * up**2 / power / size
+            for k, top in enumerate(np.argmax(chi2, axis=0)):
+                gain = float(up[top, k] / power[top, k])
+                best[k].append(_Mode(float(chi2[top, k]), float(chosen[top]), damping, gain))
+    return [sorted(one, reverse=True)[:MODES] for one in best]
+
+
+def _between_the_grid(base: Base, way: _Shaken, mode: _Mode) -> _Mode:
+    """The best mode about that of the grid: a light one stands between its points, and the free values and uncertain
+    values of other segments may imitate most of the slow part of its answer."""
+    case = base.case
+    rows, count = len(base.residual), len(case.records[0])
+    frequency = np.fft.rfftfreq(2 * count, case.step)
+
+    def of(logs: Array) -> tuple[float, float]:
+        shape = _shape(frequency, np.exp(logs[:1]), float(np.exp(logs[1])))
+        answer = np.fft.irfft(shape * way.driven, 2 * count)[:, :count]
+        whole = np.zeros(rows)
+        whole[case.rows.log == 0] = answer.ravel()
+        return base.gain(case.less_nuisance(whole))
+
+    start = np.log([mode.frequency, mode.damping])
+    corners = start + np.array([[0.0, 0.0], [math.log(RATIO), 0.0], [0.0, -1.0]])
+    options = {"maxfev": EVALUATIONS, "initial_simplex": corners}
+    logs = minimize(lambda x: -of(x)[0], start, method="Nelder-Mead", options=options).x
+    chi2, gain = of(logs)
+    return _Mode(chi2, float(np.exp(logs[0])), float(np.exp(logs[1])), gain)
 
 
 def _shape(frequency: Array, centres: Array, damping: float) -> Array:
