@@ -74,7 +74,7 @@ def _worth(one: Screened) -> float:
     return one.gain - PENALTY * len(one.added.values)
 
 
-def shortlisted(found: Sequence[Screened], *, part: float = 0.4) -> list[Screened]:
+def shortlisted(found: Sequence[Screened], *, part: float = 0.15) -> list[Screened]:
     """The best places of every kind whose worth is at least `part` of the best worth there is."""
     if not found:
         return []
@@ -94,7 +94,12 @@ def shortlisted(found: Sequence[Screened], *, part: float = 0.4) -> list[Screene
 
 
 def sharpened(base: Base, found: Sequence[Screened]) -> list[Screened]:
-    """The shortlist with what no derivative can fit: the periods of resamplings, the edges of transients."""
+    """The shortlist with what no derivative can fit: the periods of resamplings, the edges of transients.
+
+    Not in real runs, of which each trial of an edge is a run: there the best hypothesis alone is sharpened.
+    """
+    if base.case.pieces:
+        return list(found)
     return [_SHARPEN[one.added.kind](base, one.added) if one.added.kind in _SHARPEN else one for one in found]
 
 

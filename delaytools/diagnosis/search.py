@@ -31,6 +31,7 @@ CLEARER = 2  # times that edges, steps and periods are sought again through the 
 FEW, MORE = 4, 10  # runs of a first fit that only ranks, and of one that is worth going on with
 HALF = 0.5  # of what the best took off: what took off less after a few runs is left
 ALWAYS, PROMISING = 4, 0.6  # candidates fitted in any case; others where they promise this part of what was found
+IN_PIECES = 0.3  # that part in real runs: far from the truth other values go far with an effect, unlike any profile
 REFITTED = 4  # candidates fitted again when the noise is known better
 NEAR, FARTHEST = 0.3, 400.0  # of the best one's χ², and χ²: how much worse they may be
 NEAREST, WORTH_MORE = 3, 0.1  # hypotheses whose richer forms are tried, and what these must take off, of their χ²
@@ -240,12 +241,13 @@ def _fits(
     """
     starts = _starts(case, fitted)
     best = max((promised for _, promised in hypotheses), default=0.0)
+    part = IN_PIECES if case.pieces else PROMISING
     tried: list[Fitted] = []
     for place, (added, promised) in enumerate(hypotheses):
         if case.is_late and tried:
             break
         found = max((fitted.chi2 - one.chi2 for one in tried), default=0.0)
-        if place < ALWAYS or promised >= PROMISING * min(found, best):
+        if place < ALWAYS or promised >= part * min(found, best):
             tried += [f for near in starts if (f := _attempt(case, added, near, FEW)) is not None]
             room = making_room(base_of(case, fitted), added[-1]) if _rubs_beside(fitted, added[-1]) else None
             if room is not None and (made := _attempt(case, *room, FEW)) is not None:

@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 PROBE = "probe@impulse"
 DAMPINGS = (0.008, 0.025, 0.08, 0.2)
 WIDELY = 4.0  # times its frequency in the screen: as far as a mode's fit may go, and not beyond what rows show
-LIGHT = 0.4  # damping above which a mode is none
+LIGHTEST, LIGHT = 1e-4, 0.4  # dampings that a fit may try; above the second a mode is none
 RATIO = 1.02  # of neighbouring frequencies of the search for modes
 LINES = 3  # highest lines tried at a port
 MODES = 3  # modes tried per port and source
@@ -181,7 +181,7 @@ def _candidate(case: Case, way: _Shaken, mode: _Mode) -> Screened:
     centre = mode.frequency
     values = {"gain": mode.gain, "frequency": centre, "damping": mode.damping}
     highest = max(centre, min(WIDELY * centre, 0.5 / case.step))
-    limits = {"damping": (1e-4, LIGHT), "frequency": (centre / WIDELY, highest)}
+    limits = {"damping": (LIGHTEST, LIGHT), "frequency": (centre / WIDELY, highest)}
     one = Added("flexible_mode", str(way.port), values, {"source": way.source}, frozenset(), limits)
     return Screened(one, mode.chi2)
 
@@ -215,6 +215,8 @@ def _between_the_grid(base: Base, way: _Shaken, mode: _Mode) -> _Mode:
     frequency = np.fft.rfftfreq(2 * count, case.step)
 
     def of(logs: Array) -> tuple[float, float]:
+        if not LIGHTEST < np.exp(logs[1]) < LIGHT:
+            return 0.0, 0.0
         shape = _shape(frequency, np.exp(logs[:1]), float(np.exp(logs[1])))
         answer = np.fft.irfft(shape * way.driven, 2 * count)[:, :count]
         whole = np.zeros(rows)

@@ -1,7 +1,9 @@
 """Delays that swing about a mean: sought in the spectrum at every port, where the mean itself may be imitated."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +22,7 @@ LATENESS = (0.5, 2.0, 8.0, 30.0)  # rows by which the signal is shifted to take 
 SLOWEST, FASTEST = 0.25, 10.0  # turns in the log, and Hz
 PADDING = 4
 LINES = 2  # highest lines tried at a port and a shift
+LOUD = 10.0  # χ² per row: a swing that takes most off and leaves more is one of many that cause the same slow drift
 LEAST, PART = 100.0, 0.3  # χ² that a swing must take off beyond the mean delay, and of what that leaves
 
 
@@ -35,30 +38,57 @@ def swings(base: Base, spots: Sequence[Spot]) -> list[Screened]:
 
 def _best(base: Base, way: Way, port: Port) -> Screened | None:
     """The mean and the swing that take most off together, where the swing is worth it beside the mean."""
-    step = base.case.step
-    best: tuple[float, Added] | None = None
+    found: list[tuple[float, dict[str, float]]] = []
     for rows in LATENESS:
-        late = Added("delay", str(port), {"delay": rows * step})
-        element = own_way(base.view, late)
-        changes = None if element is None else change_at(base.view, port, element)
-        if changes is None:
+        seen = _slopes(base, way, port, rows)
+        if seen is None:
             continue
-        slopes = tuple(change / (rows * step) for change in changes)
-        moved = way.convolved(slopes)
-        if moved is None:
-            return None
-        mean = base.projected(base.case.whitened(moved))
-        power = float(mean @ mean)
-        left = base.residual - mean * (float(mean @ base.residual) / power if power > 0 else 0.0)
-        for frequency in _frequencies(way, way.weights(left), slopes, step):
-            gain, values = _fitted(base, way, (mean, left), slopes, frequency)
-            if values is not None and (best is None or gain > best[0]):
-                best = gain, with_swing(str(port), values)
-    if best is None:
+        found += _worth(base, way, seen, _frequencies(way, way.weights(seen.left), seen.slopes, base.case.step))
+    best = max((gain for gain, _ in found), default=0.0)
+    rest = float(base.residual @ base.residual) - best
+    seen = _slopes(base, way, port, LATENESS[1])
+    if seen is not None and best > rest > LOUD * len(base.residual):
+        found += _worth(base, way, seen, np.arange(SLOWEST, FASTEST * base.case.duration, 0.5) / base.case.duration)
+    if not found:
         return None
-    change = response(base, best[1])
-    gain = 0.0 if change is None else base.gain(change, *STRETCH)[0]
-    return Screened(best[1], max(gain, 0.5 * best[0]))
+    gain, values = max(found, key=lambda one: one[0])
+    one = with_swing(str(port), values)
+    change = response(base, one)
+    exactly = 0.0 if change is None else base.gain(change, *STRETCH)[0]
+    return Screened(one, max(exactly, 0.5 * gain))
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class _Slopes:
+    """What a second of delay changes at a port, per log (n,); mean: (rows,) what that does to the exits, projected, and
+    the residual left when it is taken off."""
+
+    slopes: tuple[Array, ...]
+    mean: Array
+    left: Array
+
+
+def _slopes(base: Base, way: Way, port: Port, rows: float) -> _Slopes | None:
+    """By a delay of so many rows; None where the port has no rule for that."""
+    delay = rows * base.case.step
+    element = own_way(base.view, Added("delay", str(port), {"delay": delay}))
+    changes = None if element is None else change_at(base.view, port, element)
+    slopes = None if changes is None else tuple(change / delay for change in changes)
+    moved = None if slopes is None else way.convolved(slopes)
+    if slopes is None or moved is None:
+        return None
+    mean = base.projected(base.case.whitened(moved))
+    power = float(mean @ mean)
+    return _Slopes(slopes, mean, base.residual - mean * (float(mean @ base.residual) / power if power > 0 else 0.0))
+
+
+def _worth(
+    base: Base, way: Way, seen: _Slopes, frequencies: Iterable[float]
+) -> list[tuple[float, dict[str, float]]]:
+    """χ² and values of the swings at these frequencies (Hz) that are worth it."""
+    found = (_fitted(base, way, seen, float(frequency)) for frequency in frequencies)
+    return [(gain, values) for gain, values in found if values is not None]
 
 
 def with_swing(at: str, values: dict[str, float]) -> Added:
@@ -90,17 +120,13 @@ def _frequencies(way: Way, weights: tuple[Array, ...], slopes: tuple[Array, ...]
 
 
 def _fitted(
-    base: Base, way: Way, seen: tuple[Array, Array], slopes: tuple[Array, ...], frequency: float
+    base: Base, way: Way, seen: _Slopes, frequency: float
 ) -> tuple[float, dict[str, float] | None]:
-    """χ² that mean and swing take off together, and their values; None where the mean alone does nearly as well.
-
-    seen: what the mean does, projected, and the residual that it leaves.
-    """
-    mean, left = seen
-    columns = [mean]
+    """χ² that mean and swing take off together, and their values; None where the mean alone does nearly as well."""
+    columns = [seen.mean]
     for shape in (np.sin, np.cos):
         turns = (2 * math.pi * frequency * (r.time - r.time[0]) for r in base.case.records)
-        moved = way.convolved(tuple(slope * shape(turn) for slope, turn in zip(slopes, turns, strict=True)))
+        moved = way.convolved(tuple(slope * shape(turn) for slope, turn in zip(seen.slopes, turns, strict=True)))
         if moved is None:
             return 0.0, None
         columns.append(base.projected(base.case.whitened(moved)))
@@ -109,7 +135,7 @@ def _fitted(
     if not np.isfinite(square).all() or not np.isfinite(right).all():
         return 0.0, None
     weights = np.linalg.lstsq(square, right, rcond=1e-9)[0]
-    gain, rest = float(weights @ right), float(left @ left)
+    gain, rest = float(weights @ right), float(seen.left @ seen.left)
     alone = float(base.residual @ base.residual) - rest
     swing = float(np.hypot(weights[1], weights[2]))
     if gain - alone < max(LEAST, PART * rest) or swing <= 0:
