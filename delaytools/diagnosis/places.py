@@ -7,8 +7,8 @@ from delaytools.blocks.block import Block, Continuous, Sampled, flat_values
 from delaytools.blocks.equations import Equations
 from delaytools.blocks.integrator import Integrator
 from delaytools.loop.loop import Element, Loop
-from delaytools.loop.network import position_of
-from delaytools.loop.port import Port, ports, read_at, written_behind
+from delaytools.loop.network import position_of, pushed_by
+from delaytools.loop.port import Port, derivative_states, ports, read_at, written_behind
 from delaytools.loop.segments import Segment
 from delaytools.loop.values import resolve
 
@@ -55,7 +55,8 @@ def _kinds(loop: Loop, element: Element, port: Port, changed: bool) -> tuple[str
     match port.kind:
         case "input":
             if changed or sampled:
-                return (*LATE, *SHAPES, *GAINS, *FED, *(("bias",) if sampled else ()))
+                fed = ("flexible_mode",) if _is_named_at_a_derivative(loop, element, port.name) else FED
+                return (*LATE, *SHAPES, *GAINS, *fed, *(("bias",) if sampled else ()))
             return (*LATE, *SHAPES, "transient_gain", *FED)
         case "output":
             shown = ("bias", "periodic_interference", *FED, *SHAPES)
@@ -71,6 +72,12 @@ def _kinds(loop: Loop, element: Element, port: Port, changed: bool) -> tuple[str
             forces = FORCES if not isinstance(element.block, Integrator) else ("constant_disturbance",)
             return (*forces, *stiff, "cross_coupling")
     return ()
+
+
+def _is_named_at_a_derivative(loop: Loop, element: Element, name: str) -> bool:
+    """Whether what is added at an input is the same as what is added, in its own unit, to a state's derivative."""
+    block = _resolved(loop, element)
+    return isinstance(block, Continuous) and pushed_by(block, name) in derivative_states(element)
 
 
 def _sensor_like(element: Element) -> bool:

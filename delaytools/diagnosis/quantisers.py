@@ -53,7 +53,7 @@ def _best_step(base: Base, spot: Spot, signals: tuple[Array, ...]) -> Screened |
     spread = float(np.std(np.concatenate(signals)))
     shown = base.case.exit_at(str(spot.port))
     left = base.case.measured[0] - base.outputs[0]
-    if spread <= 0 or (shown is None and not _above_noise(base.case, left)):
+    if not 0 < spread < np.inf or (shown is None and not _above_noise(base.case, left)):
         return None
     way, at = base.way(str(spot.port)), str(spot.port)
     if way is None or way.every == 0:  # no pulse speaks for all times: nothing to choose steps by

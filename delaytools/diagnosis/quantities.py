@@ -15,7 +15,7 @@ from delaytools.loop.values import value_paths
 __all__ = ["quantities"]
 
 NUMERICAL = 1e-3  # of a value's distance from neutral: error of the simulation and of joining rows
-PLACED = ("phase", "start", "end")  # where something lies, not how large it is
+PLACED = {"phase": 1.0, "start": 0.0, "end": 0.0}  # where something lies, not how large it is: of what, then
 
 
 def quantities(loop: Loop, fitted: Fitted, place: int) -> dict[str, Quantity]:
@@ -33,8 +33,7 @@ def quantities(loop: Loop, fitted: Fitted, place: int) -> dict[str, Quantity]:
 def _std(loop: Loop, one: Added, name: str, std: float) -> float:
     neutral = neutral_value(loop, one, name)
     away = abs(one.values[name] - neutral) if math.isfinite(neutral) else abs(one.values[name])
-    if name in PLACED:
-        away = 0.0
+    away = PLACED.get(name, away)
     return math.hypot(0.0 if math.isnan(std) else std, NUMERICAL * away)
 
 

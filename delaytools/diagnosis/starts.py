@@ -1,5 +1,6 @@
 """Where the search for each kind of effect begins: grids of finite amplitudes, sized by the signals at its port."""
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import final
@@ -164,7 +165,7 @@ def _friction(name: str, more: Mapping[str, float]) -> Callable[[View, Spot], li
     def make(view: View, spot: Spot) -> list[Candidate]:
         scale = view.derivative(spot.port)
         width = smoothing_of(view, spot.port)
-        if scale <= 0:
+        if not 0 < scale * width < math.inf:  # nothing moves, or a hypothesis that ran away
             return []
         size = SMALL if name == "coefficient" else SMALL * scale
         values = {name: size, **{key: part * size for key, part in more.items() if key != "speed"}}

@@ -162,6 +162,18 @@ def position_of(block: Continuous, state: str) -> str:
     return ""
 
 
+def pushed_by(block: Continuous, name: str) -> str:
+    """The one state to whose derivative an input is added, times a number, and which alone it reaches; else ""."""
+    states = [ca.SX.sym(state) for state in block.states]
+    inputs = [ca.SX.sym(port) for port in block.inputs]
+    here, time = inputs[block.inputs.index(name)], ca.SX.sym("t")
+    slopes = [ca.jacobian(ca.SX(rate), here) for rate in block.rate(time, states, inputs)]
+    shown = [ca.jacobian(ca.SX(y), here) for y in block.output(time, states, inputs)]
+    pushed = [state for state, slope in zip(block.states, slopes, strict=True) if not slope.is_zero()]
+    alone = len(pushed) == 1 and all(y.is_zero() for y in shown)
+    return pushed[0] if alone and all(slope.is_constant() for slope in slopes) else ""
+
+
 def network(loop: Loop) -> Network:
     """The network of a resolved loop; raises DesignError for two writers of a signal or an algebraic loop."""
     elements = {element.name: element for element in loop.elements}
