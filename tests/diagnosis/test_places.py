@@ -24,3 +24,11 @@ def test_no_force_acts_where_a_position_follows_its_rate() -> None:
     found = spots(part)
     assert {str(spot.port) for spot in found if spot.port.kind == "derivative"} == {"drive.v'"}
     assert "cubic_stiffness" in {spot.kind for spot in found}
+
+
+def test_a_coupling_is_named_where_it_pushes() -> None:
+    """At the derivative where the input only adds to it; at both where the block bends what enters."""
+    bent = CARRIAGE.replace("(u - 8.0*v)", "(tanh(u) - 8.0*v)")
+    for text, places in ((CARRIAGE, {"drive.v'", "drive.x"}), (bent, {"drive.u", "drive.v'", "drive.x"})):
+        part = segments(build(parse_design(text)), {"u", "x"})[0]
+        assert {str(spot.port) for spot in spots(part) if spot.kind == "cross_coupling"} == places
