@@ -13,7 +13,7 @@ from delaytools.blocks.block import Sampled
 from delaytools.diagnosis.added import Added
 from delaytools.diagnosis.case import Case
 from delaytools.diagnosis.places import Spot
-from delaytools.diagnosis.screen import Base, Screened, response
+from delaytools.diagnosis.screen import STRETCH, Base, Screened, response
 from delaytools.diagnosis.views import View
 from delaytools.loop.port import Port
 from delaytools.loop.values import resolve
@@ -153,7 +153,7 @@ def modes(base: Base, view: View, spots: Sequence[Spot]) -> list[Screened]:
     for way, (first, *others) in zip(ways, tops, strict=True):
         nearer = _between_the_grid(base, way, first) if first.chi2 > least else first
         found += [_candidate(case, way, mode) for mode in (nearer, *others)]
-    return found
+    return [_exactly(base, one) if one.gain > least else one for one in found]
 
 
 @final
@@ -184,6 +184,12 @@ def _candidate(case: Case, way: _Shaken, mode: _Mode) -> Screened:
     limits = {"damping": (LIGHTEST, LIGHT), "frequency": (centre / WIDELY, highest)}
     one = Added("flexible_mode", str(way.port), values, {"source": way.source}, frozenset(), limits)
     return Screened(one, mode.chi2)
+
+
+def _exactly(base: Base, found: Screened) -> Screened:
+    """With what a run says: between rows a staircase is none of the waves that its samples could be."""
+    change = response(base, found.added)
+    return Screened(found.added, 0.0 if change is None else base.gain(change, *STRETCH)[0])
 
 
 def _best_modes(products: Array, powers: Array, sampling: tuple[int, float]) -> list[list[_Mode]]:
