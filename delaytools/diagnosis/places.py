@@ -8,7 +8,7 @@ from delaytools.blocks.equations import Equations
 from delaytools.blocks.integrator import Integrator
 from delaytools.loop.loop import Element, Loop
 from delaytools.loop.network import position_of, pushed_by
-from delaytools.loop.port import Port, derivative_states, ports, read_at, written_behind
+from delaytools.loop.port import Port, derivative_states, ports, read_at, written_at, written_behind
 from delaytools.loop.segments import Segment
 from delaytools.loop.values import resolve
 
@@ -45,9 +45,16 @@ def spots(segment: Segment) -> tuple[Spot, ...]:
     for name in segment.blocks:
         element = segment.loop[name]
         changed = changes_unit(segment.loop, element)
-        for port in ports(element):
+        for port in (port for port in ports(element) if _goes_on(segment, port)):
             found.extend(Spot(kind, port) for kind in _kinds(segment.loop, element, port, changed))
     return tuple(found)
+
+
+def _goes_on(segment: Segment, port: Port) -> bool:
+    """Whether a port's signal is measured or enters a block: of an output that only shows something nothing follows."""
+    signal = written_at(segment.loop, port) if port.kind == "output" else ""
+    entering = (x.names for element in segment.loop.elements for x in element.inputs.values())
+    return not signal or signal in segment.exits or any(signal in names for names in entering)
 
 
 def _kinds(loop: Loop, element: Element, port: Port, changed: bool) -> tuple[str, ...]:

@@ -32,3 +32,9 @@ def test_a_coupling_is_named_where_it_pushes() -> None:
     for text, places in ((CARRIAGE, {"drive.v'", "drive.x"}), (bent, {"drive.u", "drive.v'", "drive.x"})):
         part = segments(build(parse_design(text)), {"u", "x"})[0]
         assert {str(spot.port) for spot in spots(part) if spot.kind == "cross_coupling"} == places
+
+
+def test_nothing_is_missing_in_a_signal_that_only_shows_something() -> None:
+    shown = CARRIAGE.replace('x = "m"', 'x = "m"\nload = "N"').replace('{ x = "x" }', '{ x = "x", load = "u - 3.0*x" }')
+    part = segments(build(parse_design(shown)), {"u", "x"})[0]
+    assert {str(spot.port) for spot in spots(part) if spot.port.kind == "output"} == {"drive.x"}
