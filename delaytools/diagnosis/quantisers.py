@@ -102,7 +102,7 @@ def _fine_steps(
 
 
 def _coarse_steps(spread: float) -> Array:
-    """Steps as far apart as the rounding of a signal keeps its pattern, those beside whose lines noise is small."""
+    """Steps too coarse for their rounding to be white, as far apart as it keeps its pattern."""
     found = [FINE * spread]
     while found[-1] < COARSEST * spread:
         found.append(found[-1] * (1 + min(NEAREST * found[-1] / spread, FARTHEST)))

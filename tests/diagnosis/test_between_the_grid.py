@@ -47,16 +47,15 @@ def test_a_band_far_below_the_first_of_the_grid_is_found() -> None:
     assert best.gain > 0.9 * base.residual @ base.residual - len(base.residual)
 
 
-def test_a_light_mode_promises_what_it_takes_off() -> None:
+def test_a_light_mode_promises_nearly_what_the_true_one_takes_off() -> None:
     values = {"gain": 0.02, "frequency": 21.43, "damping": 0.0061}
     mode = Added("flexible_mode", "act.output", values, {"source": "u"})
     case = planted(ACTUATOR, (mode,), COMMAND)
     base = base_of(case, fitted(case))
     best = max(modes(base, base.view, spots(case.segment)), key=lambda one: one.gain)
-    change = response(base, best.added)
+    change = response(base, mode)
     assert best.added.values["frequency"] == pytest.approx(21.43, rel=3e-3)
-    assert change is not None and best.gain == pytest.approx(base.gain(change)[0], rel=0.02)
-    assert best.gain > 0.97 * base.gain(response(base, mode))[0]
+    assert change is not None and best.gain > 0.97 * base.gain(change)[0]
 
 
 def test_a_swing_that_an_integrating_drive_hides_in_slow_drift_is_found() -> None:
