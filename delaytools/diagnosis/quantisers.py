@@ -25,6 +25,7 @@ KIND = "quantization"
 EXCESS = 1.05  # of the noise: a residual below it is not worth a search for quantisation further upstream
 FINEST = 1e-7  # of a step: how well it is to be known
 AROUND = 0.03  # of the best step: where a better one may lie
+LEAST = 0.05  # of the step whose white rounding would leave the residual, of which noise may be the most
 TRIED, TRIED_SLOWLY = 30, 4  # steps whose change is sent through the segment, by convolution and by runs
 FINE, COARSEST = 0.05, 2.0  # of a signal's spread: the rounding of a finer step is white; no step is coarser
 NEAREST, FARTHEST = 0.08, 0.03  # between coarse steps, relative: of the step over the spread, and at most
@@ -62,7 +63,7 @@ def _best_step(base: Base, spot: Spot, signals: tuple[Array, ...]) -> Screened |
     if not 0 < size < np.inf:
         return None
     rows, count = (signals, way.weights(base.residual)), TRIED if way.is_quick else TRIED_SLOWLY
-    tried = _fine_steps(rows, (0.25 * size, FINE * spread), count)
+    tried = _fine_steps(rows, (LEAST * size, FINE * spread), count)
     exactly = way.is_quick and shown is None
     coarse = _coarse_steps(spread)
     promised = np.array([_score(base, at, s) if exactly else _promised(s, way, *rows) for s in coarse])
