@@ -24,7 +24,7 @@ from delaytools.signals.trouble import DelaytoolsError
 __all__ = ["Finding", "search"]
 
 Array = NDArray[np.float64]
-MOST = 3
+MOST, MOST_IN_PIECES = 3, 2  # effects of a segment; in real runs a third one takes what no catalogue holds
 FINEST, RESOLVED = 8, 2.0  # times finer than usual steps at most, and χ² that half the step may still change
 QUICK = 1e-4
 CLEARER = 2  # times that edges, steps and periods are sought again through the noise that they leave
@@ -70,7 +70,7 @@ def search(case: Case, carried: Carried, *, deadline: float = np.inf) -> Finding
     case, null = _rewhitened(case, null, carried)
     fitted, refused = null, None
     rivals: list[list[Fitted]] = []
-    while len(fitted.added) < MOST and _left(case, fitted) > NAMED + PENALTY and not case.is_late:
+    while len(fitted.added) < most_of(case) and _left(case, fitted) > NAMED + PENALTY and not case.is_late:
         best, others, seen = _step(case, fitted, carried)
         if best is None:
             break
@@ -93,6 +93,11 @@ def search(case: Case, carried: Carried, *, deadline: float = np.inf) -> Finding
     null = fit_hypothesis(case, (), near=null)
     sent = carried.through(case, fitted, share=CLEANED)
     return Finding(case, null, fitted, tuple(map(tuple, rivals)), refused, sent, case.is_late)
+
+
+def most_of(case: Case) -> int:
+    """Effects that one segment may be given."""
+    return MOST_IN_PIECES if case.pieces else MOST
 
 
 def _rewhitened(case: Case, fitted: Fitted, carried: Carried) -> tuple[Case, Fitted]:
@@ -158,7 +163,7 @@ def _step(case: Case, fitted: Fitted, carried: Carried) -> tuple[Fitted | None, 
         (added, np.inf) for one in tried[:NEAREST] if _cost(one) < (1 + NEAR) * _cost(tried[0])
         for added in richer(rough, one, least=WORTH_MORE * one.chi2)
     ]  # fmt: skip
-    if len(base.added) + 2 <= MOST:
+    if len(base.added) + 2 <= most_of(case):
         two = pairs(base_of(rough, base), found, least=base.chi2 - tried[0].chi2)
         further += [((*base.added, *both), gain) for both, gain in two]
     tried = sorted([*tried, *_fits(rough, base, further)], key=_cost)

@@ -82,9 +82,14 @@ def _whitened_spectra(base: Base, log: int, size: int) -> tuple[Array, Array]:
 
 
 def interferences(base: Base, spots: Sequence[Spot]) -> list[Screened]:
-    """The highest lines of the whitened residual, as interference where it leaves a block of the segment."""
+    """The highest lines of the whitened residual, as interference where it leaves a block of the segment.
+
+    None with less than a period in every stretch of rows that count: beside states that begin anew with each piece of
+    a real run, a slower wave is a curve that any force which is not modelled draws as well.
+    """
     found = []
     case = base.case
+    least = _slowest(case)
     size = 4 * len(case.records[0])
     spectra, filters = _whitened_spectra(base, 0, size)
     frequency = np.fft.rfftfreq(size, case.step)
@@ -93,7 +98,7 @@ def interferences(base: Base, spots: Sequence[Spot]) -> list[Screened]:
         if index is None:
             continue
         power = np.abs(spectra[index]) ** 2 * 2 / len(case.records[0])
-        power[: size // len(case.records[0])] = 0.0
+        power[frequency < least] = 0.0
         for peak in highest_lines(power, LINES, apart=2 * size // len(case.records[0])):
             line = spectra[index][peak] / filters[index][peak] * 2 / len(case.records[0])
             values = {
@@ -101,7 +106,8 @@ def interferences(base: Base, spots: Sequence[Spot]) -> list[Screened]:
                 "frequency": float(frequency[peak]),
                 "phase": float(np.angle(line * 1j)),
             }
-            limits = {"phase": (-10.0, 10.0), "frequency": _near(frequency[peak], 1 / case.duration)}
+            near, width = float(frequency[peak]), 3 / case.duration
+            limits = {"phase": (-10.0, 10.0), "frequency": (max(near - width, 0.1 * least), near + width)}
             one = Added(spot.kind, str(spot.port), values, {}, frozenset(), limits)
             change = response(base, one)
             gain = 0.0 if change is None else base.gain(change, 0.4, 2.5)[0]
@@ -109,8 +115,10 @@ def interferences(base: Base, spots: Sequence[Spot]) -> list[Screened]:
     return found
 
 
-def _near(frequency: float, width: float) -> tuple[float, float]:
-    return max(float(frequency) - 3 * width, 0.1 * width), float(frequency) + 3 * width
+def _slowest(case: Case) -> float:
+    """Hz: of a wave that shows a whole period in the longest stretch of rows without a new beginning."""
+    lengths = [last - first for own in case.pieces for first, last in own]
+    return 1 / (max(lengths, default=len(case.records[0])) * case.step)
 
 
 def highest_lines(power: Array, count: int, *, apart: int) -> list[int]:
