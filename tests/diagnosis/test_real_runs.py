@@ -37,9 +37,9 @@ def test_a_wave_is_sought_where_some_piece_shows_a_whole_period(length: int, sho
 
 def test_a_real_run_is_given_two_effects_at_most() -> None:
     three = (
-        Added("coulomb_friction", "drive.v'", {"level": 1.0, "smoothing": 0.01}),
-        Added("constant_disturbance", "drive.v'", {"level": 0.8}),
-        Added("cubic_damping", "drive.v'", {"coefficient": -2.0}),
+        Added("coulomb_friction", "drive.v'", {"level": 2.0, "smoothing": 0.02}),
+        Added("constant_disturbance", "drive.v'", {"level": 2.0}),
+        Added("cubic_stiffness", "drive.v'", {"coefficient": -40.0}),
     )
-    whole = planted(SLIDE, three, PUSH)
-    assert len(search(_in_pieces(whole, 500), Carried({})).fitted.added) == 2
+    case = _in_pieces(planted(SLIDE, three, PUSH), 2000)
+    assert len(search(case, Carried({})).fitted.added) == 2
