@@ -54,12 +54,13 @@ class Case:
 
     records: the logs, columns as they drive (cleaned where that is better). measured: per log (n, exits).
     tolerated: values that are free within bounds in every fit. smooth: columns without noise. whitening: one filter
-    per exit. nuisance: per log (n, exits, k), what a standard error of each uncertain value of other segments does
-    to the exits. lost: port of a sampled output -> share of its updates that the logs show to be lost. outside:
-    columns that no block of the loop writes. pieces: per log, (first, last + 1) of the rows that count; the states
-    begin anew with each (() = all rows, from the design's own beginning). numbers: per log, values by path that its
-    run had (() = the design's). substeps: of a frame. finer: how many times finer than usual its
-    runs' steps are. deadline: monotonic clock, s; a fit that passes it ends where it stands.
+    per exit. uncertain: per log, what a standard error of each uncertain value of other segments does to the columns
+    that drive this one, (n, k) by name; nuisance: per log (n, exits, k), what that does to the exits. lost: port of a
+    sampled output -> share of its updates that the logs show to be lost. outside: columns that no block of the loop
+    writes. pieces: per log, (first, last + 1) of the rows that count; the states begin anew with each (() = all rows,
+    from the design's own beginning). numbers: per log, values by path that its run had (() = the design's). substeps:
+    of a frame. finer: how many times finer than usual its runs' steps are. deadline: monotonic clock, s; a fit that
+    passes it ends where it stands.
     """
 
     segment: Segment
@@ -69,6 +70,7 @@ class Case:
     at_rest: frozenset[str]
     smooth: frozenset[str] = frozenset()
     whitening: tuple[Whitening, ...] = ()
+    uncertain: tuple[Mapping[str, Array], ...] = ()
     nuisance: tuple[Array, ...] = ()
     lost: Mapping[str, float] = field(default_factory=dict)
     outside: frozenset[str] = frozenset()

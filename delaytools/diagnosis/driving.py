@@ -56,7 +56,8 @@ def driven_best(
             noises[entry] = 0.0
         else:
             case, chosen = tried, [*chosen, entry]
-    return replace(case, nuisance=_nuisance(case, chosen, moved)), noises
+    known_less = tuple({entry: new[entry] for entry in chosen} for new in moved) if chosen else ()
+    return replace(case, uncertain=known_less), noises
 
 
 def _joined_best(case: Case, exact: set[str], written: Collection[str]) -> Case:
@@ -76,23 +77,6 @@ def _rms_left(case: Case) -> float:
     outputs = case.outputs((), nominal(case).values)
     pairs = zip(case.measured, outputs, strict=True)
     return float(np.mean([(m - y).std(axis=0) / np.maximum(m.std(axis=0), 1e-300) for m, y in pairs]))
-
-
-def _nuisance(case: Case, entries: Sequence[str], moved: tuple[dict[str, Array], ...]) -> tuple[Array, ...]:
-    """Per log (n, exits, k): the exits' response to each uncertain value of the segments that write the entries."""
-    ways = [(entry, k) for entry in entries for k in range(moved[0][entry].shape[1])]
-    if not ways:
-        return ()
-    fitted = nominal(case)
-    base = case.outputs((), fitted.values)
-    columns: list[list[Array]] = [[] for _ in base]
-    for entry, k in ways:
-        shifted = tuple(
-            {entry: r[entry] + new[entry][:, k]} for r, new in zip(case.records, moved, strict=True)
-        )
-        for log, rows in enumerate(_with_columns(case, shifted, [entry]).outputs((), fitted.values)):
-            columns[log].append(rows - base[log])
-    return tuple(np.stack(found, axis=2) for found in columns)
 
 
 def _passed_on(as_measured: Case, cleaned: Case, entry: str) -> bool:

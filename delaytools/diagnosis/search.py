@@ -13,6 +13,7 @@ from delaytools.diagnosis.fitting import STEPS, TOLERANCE, Fitted, fit_hypothesi
 from delaytools.diagnosis.joint_start import making_room
 from delaytools.diagnosis.lattices import quantisers_shown
 from delaytools.diagnosis.noise_of import CLEANED, EXACT, Carried, column_noise, noise_of
+from delaytools.diagnosis.nuisance import with_nuisance_of
 from delaytools.diagnosis.pairs import pairs
 from delaytools.diagnosis.proposals import PENALTY, is_sharpened, proposals, sharpened_again
 from delaytools.diagnosis.screen import base_of
@@ -63,7 +64,7 @@ class Finding:
 
 def search(case: Case, carried: Carried, *, deadline: float = np.inf) -> Finding:
     """The effects that the logs of a segment ask for; `carried`: what the inputs' noise sends to its exits."""
-    case = replace(case.whitened_by(noise_of(case, nominal(case), carried)), deadline=deadline)
+    case = replace(_seen(case, nominal(case), carried), deadline=deadline)
     if case.residual(case.outputs((), nominal(case).values)).std() > 1e-2:
         case = with_draws(case)
     null = fit_hypothesis(case, ())
@@ -100,9 +101,14 @@ def most_of(case: Case) -> int:
     return MOST_IN_PIECES if case.pieces else MOST
 
 
+def _seen(case: Case, fitted: Fitted, carried: Carried) -> Case:
+    """The case through the noise that a hypothesis leaves, beside what uncertain values of other segments do by it."""
+    return with_nuisance_of(case.whitened_by(noise_of(case, fitted, carried)), fitted)
+
+
 def _rewhitened(case: Case, fitted: Fitted, carried: Carried) -> tuple[Case, Fitted]:
     """The case seen through the noise that this hypothesis leaves, and the hypothesis fitted again."""
-    case = case.whitened_by(noise_of(case, fitted, carried))
+    case = _seen(case, fitted, carried)
     return case, fit_hypothesis(case, fitted.added, near=fitted)
 
 
@@ -184,10 +190,10 @@ def _seen_through_the_best(
 ) -> tuple[Case, list[Fitted]]:
     """The case seen through the noise that the best of these leaves, and they fitted again, cheapest first."""
     best = sharpened_again(rough, tried[0])
-    seen = case.whitened_by(noise_of(case, best, carried))
+    seen = _seen(case, best, carried)
     for _ in range(CLEARER if is_sharpened(best) else 0):  # what is left of a wrong edge is no noise
         best = sharpened_again(seen, _refit(seen, best) or best)
-        seen = case.whitened_by(noise_of(case, best, carried))
+        seen = _seen(case, best, carried)
     return seen, _shown_first(seen, _again(seen, [best, *tried[1:]], best))
 
 
