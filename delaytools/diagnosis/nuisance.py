@@ -16,7 +16,7 @@ def with_nuisance_of(case: Case, fitted: Fitted) -> Case:
 
     By this hypothesis: with values of the design, 3 % off, a lightly damped airframe answers out of step.
     """
-    if not any(case.uncertain):
+    if not any(directions.size for moved in case.uncertain for directions in moved.values()):
         return case
     found = []
     for replay, record, moved in zip(case.replays(fitted.added), case.records, case.uncertain, strict=True):

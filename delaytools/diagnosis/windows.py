@@ -7,11 +7,14 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from delaytools.blocks.block import Sampled
 from delaytools.diagnosis.added import Added
 from delaytools.diagnosis.edges import changed_at_port, edge_beside, edge_near
 from delaytools.diagnosis.places import Spot
 from delaytools.diagnosis.screen import Base, Screened, response, response_instead
 from delaytools.diagnosis.wires import Way
+from delaytools.loop.port import find_port
+from delaytools.loop.values import resolve
 
 __all__ = ["edges_beside", "transients", "with_edges_fitted"]
 
@@ -24,6 +27,8 @@ SURELY = 12.0  # χ² by which a place of an edge is worse than the best: surely
 FARTHEST, PLACES = 1.0, 25  # s from the best place, and places between there and here that are looked at
 FORGOTTEN = 0.5  # of the power of a window's answer: so much outside the window and otherwise inside is too much
 BEGINNINGS = 80  # times between which windows of gain are sought exactly
+SHOWN = 4.0  # χ² that half a row must take off: less is chance, and where nothing is held rows show no more
+EVEN = 1e-6
 CELLS = 400  # stretches of time between which the edges of a transient are sought
 SHORTEST, LONGEST = 4, 320  # cells: shorter ones are single rows gone wrong, longer ones the gain itself
 
@@ -122,7 +127,7 @@ def with_edges_fitted(base: Base, one: Added) -> Screened:
     change = response(base, moved)
     gain, scale = (0.0, 1.0) if change is None else base.gain(change)
     found = moved.moved({"factor": 1 + scale * (one.values["factor"] - 1)})
-    errors = {name: _at_ticks(base, way, error) for name, (_, error) in (("start", start), ("end", end))}
+    errors = {name: _at_ticks(base, one.at, edge) for name, edge in (("start", start), ("end", end))}
     return Screened(replace(found, errors=errors), gain)
 
 
@@ -139,15 +144,26 @@ def edges_beside(base: Base) -> Added | None:
         for half in (-0.5, 0.5):
             moved = one.moved({name: max(one.values[name] + half * base.case.step, 0.0)})
             change = response_instead(base, len(base.fitted.added) - 1, moved)
-            moves.append((0.0 if change is None else base.gain(change, 1.0, 1.0)[0], moved))
+            gain = 0.0 if change is None else base.gain(change, 1.0, 1.0)[0]
+            moves.append((gain if gain > SHOWN else 0.0, moved))
     best = max(moves, key=lambda move: move[0])[1]
-    return replace(best, errors={name: _at_ticks(base, way, error) for name, (_, error, _) in found.items()})
+    errors = {name: _at_ticks(base, one.at, (best.values[name], error)) for name, (_, error, _) in found.items()}
+    return replace(best, errors=errors)
 
 
-def _at_ticks(base: Base, way: Way | None, error: float) -> float:
-    """The standard error of an edge, with where it may lie between two ticks of what reads the signal behind it."""
-    ticks = way.every if way is not None and way.every > 1 else 0
-    return math.hypot(error, ticks * base.case.step / math.sqrt(3))
+def _at_ticks(base: Base, at: str, edge: tuple[float, float]) -> float:
+    """The standard error of an edge (place, own error), with where it may lie between two ticks.
+
+    Of what reads the signal behind it; and where a sampled block writes the signal and the edge is at one of its ticks,
+    of that block: its input may have changed at any time since the tick before.
+    """
+    (place, error), way, loop = edge, base.way(at), base.case.segment.loop
+    rows, port = way.every if way is not None and way.every > 1 else 0, find_port(loop, at)
+    block = resolve(loop)[port.element].block
+    if port.kind == "output" and isinstance(block, Sampled):
+        period, off = float(block.period), 0.5 * base.case.step * (1 + EVEN)
+        rows = max(rows, round(period / base.case.step)) if abs(math.remainder(place, period)) <= off else rows
+    return math.hypot(error, rows * base.case.step / math.sqrt(3))
 
 
 def _by_rows(base: Base, way: Way, one: Added, edges: Array) -> list[tuple[float, float]]:
