@@ -114,7 +114,29 @@ def fit_hypothesis(
         evaluations=evaluations, enough=lambda: case.is_late,
     )  # fmt: skip
     whole, slopes = both(np.array([p.value for p in found.parameters]))
-    return Fitted(placed(added, found.parameters), found.parameters, whole, slopes, found.success)
+    parameters = _with_ends_open(found.parameters, whole, slopes)
+    return Fitted(placed(added, parameters), parameters, whole, slopes, found.success)
+
+
+def _with_ends_open(parameters: tuple[Parameter, ...], residual: Array, slopes: Array) -> tuple[Parameter, ...]:
+    """The parameters with standard errors that allow for tolerated values on the end of their tolerance.
+
+    Such a value is not known: it may lie anywhere within its tolerance that the logs leave open, and moves the others.
+    """
+    ends = [k for k, p in enumerate(parameters) if not p.fixed and np.isnan(p.std) and not is_added(p.path)]
+    inside = [k for k, p in enumerate(parameters) if np.isfinite(p.std) and p.std > 0]
+    if not ends or not inside:
+        return parameters
+    scale = float(residual @ residual) / max(len(residual) - len(inside), 1)
+    move, *_ = np.linalg.lstsq(slopes[:, inside], slopes[:, ends], rcond=None)  # (inside, ends)
+    alone = slopes[:, ends] - slopes[:, inside] @ move
+    spread = np.array([(parameters[k].high - parameters[k].low) / np.sqrt(3) for k in ends])
+    open_by = np.minimum(np.sqrt(scale) / np.maximum(np.linalg.norm(alone, axis=0), 1e-300), spread)
+    errors = np.sqrt(np.sum((move * open_by) ** 2, axis=1))
+    found = list(parameters)
+    for k, error in zip(inside, errors, strict=True):
+        found[k] = replace(parameters[k], std=float(np.hypot(parameters[k].std, error)))
+    return tuple(found)
 
 
 def at_values(case: Case, added: tuple[Added, ...], near: Fitted) -> Fitted:

@@ -1,6 +1,6 @@
 """What a search found in one segment, as plain figures that can travel between processes."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import final
 
@@ -33,6 +33,7 @@ from delaytools.diagnosis.noise import (
 from delaytools.diagnosis.noise_of import references
 from delaytools.diagnosis.quantities import quantities
 from delaytools.diagnosis.search import PENALTY, Finding
+from delaytools.diagnosis.upgrades import breaking_away_as_well
 from delaytools.diagnosis.worth import WORTHLESS
 from delaytools.signals.trouble import DelaytoolsError
 
@@ -83,7 +84,7 @@ def segment_report(found: Finding) -> SegmentReport:
     )
     missing = tuple(_missing(found, k, certain=not sets[k] and not left) for k in places_in_file(fitted.added))
     return SegmentReport(
-        case.exits, case.outputs(fitted.added, fitted.values), _directions(case, fitted), case.whitening,
+        case.exits, case.outputs(fitted.added, fitted.values), _directions(case, fitted, sets), case.whitening,
         missing, _ranking(found, null), confusable, _steps(found, adequate=not left), left, _tolerated(case, fitted),
         _notes(found), found.exhausted, _next(case, fitted, sets),
     )  # fmt: skip
@@ -95,8 +96,9 @@ def _next(case: Case, fitted: Fitted, sets: list[tuple[Fitted, ...]]) -> NextExp
     return max(found, key=lambda one: one.expected_delta_chi2, default=None)
 
 
-def _directions(case: Case, fitted: Fitted) -> tuple[Array, ...]:
-    """What one standard error of each fitted value does to the outputs, of those that no derivative fits included."""
+def _directions(case: Case, fitted: Fitted, sets: Sequence[tuple[Fitted, ...]] = ()) -> tuple[Array, ...]:
+    """What one standard error of each fitted value does to the outputs, of those that no derivative fits included; and
+    what each rival that explains the logs as well would do instead."""
     stds = np.array([p.std for p in fitted.parameters])
     sure = np.isfinite(stds) & (stds > 0)
     found = [np.zeros((*m.shape, 0)) for m in case.measured]
@@ -111,6 +113,11 @@ def _directions(case: Case, fitted: Fitted) -> tuple[Array, ...]:
         ends = [case.outputs(_moved_by(fitted.added, place, name, e), fitted.values) for e in (error, -error)]
         moved = [0.5 * (after - before)[:, :, None] for after, before in zip(*ends, strict=True)]
         found = [np.concatenate(both, axis=2) for both in zip(found, moved, strict=True)]
+    outputs = case.outputs(fitted.added, fitted.values)
+    for one in (rival for members in sets for rival in members):
+        others = case.outputs(one.added, one.values)
+        changes = [(other - own)[:, :, None] for own, other in zip(outputs, others, strict=True)]
+        found = [np.concatenate(both, axis=2) for both in zip(found, changes, strict=True)]
     return tuple(found)
 
 
@@ -137,6 +144,10 @@ def _alike(found: Finding, place: int) -> tuple[Fitted, ...]:
             alike = _cost(one) - best < max(ALIKE, min(spread, 3 * ALIKE))
         if alike:
             members.setdefault(other.kind, one)
+    if mine.kind == "coulomb_friction" and not found.case.pieces and not found.case.is_late:
+        other = breaking_away_as_well(found.case, found.fitted, place)
+        if other is not None and other.chi2 < found.fitted.chi2 + ALIKE:
+            members.setdefault("stribeck_friction", other)
     return tuple(members.values())
 
 

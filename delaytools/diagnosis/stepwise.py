@@ -17,6 +17,7 @@ __all__ = ["loses_updates", "with_draws", "with_period_fitted"]
 Array = NDArray[np.float64]
 Model = tuple[tuple[Added, ...], tuple[float, ...]]  # a hypothesis and its values
 KEPT, LOST = 1 - 1e-9, 0.0
+LONGEST = 200  # rows of a resampling's period
 MOST_LOST = 0.9  # of the updates
 RUNS = 900  # of a segment, while its dropped updates are sought one after the other
 
@@ -28,8 +29,9 @@ def with_period_fitted(base: Base, one: Added, name: str = "period") -> Screened
     """
     rows = one.values[name] / base.case.step
     best, way = Screened(one, 0.0), base.way(one.at)
-    least = 1 if way is not None and way.is_quick else max(1, int(0.55 * rows))
-    for count in range(least, int(1.7 * rows) + 2):
+    count = 1 if way is not None and way.is_quick else max(1, int(0.55 * rows))
+    last = int(1.7 * rows) + 1
+    while count <= min(last, LONGEST):
         moved = replace(
             one.moved({name: count * base.case.step}),
             held=frozenset({name}),
@@ -39,7 +41,8 @@ def with_period_fitted(base: Base, one: Added, name: str = "period") -> Screened
         half = 0.5 / count  # half a row more delays by so much more: a wider scale would let every period do
         gain = 0.0 if change is None else base.gain(change, 1 - half, 1 + half)[0]
         if gain > best.gain:
-            best = Screened(moved, gain)
+            best, last = Screened(moved, gain), max(last, int(1.7 * count))  # what still rises is not left at an end
+        count += 1
     return best
 
 

@@ -8,17 +8,18 @@ from numpy.typing import NDArray
 
 from delaytools.diagnosis.added import Added, path_of
 from delaytools.diagnosis.case import Case
-from delaytools.diagnosis.fitting import Fitted
+from delaytools.diagnosis.fitting import Fitted, fit_hypothesis
 from delaytools.diagnosis.screen import Base, base_of, response_instead
 from delaytools.diagnosis.swings import with_swing
 from delaytools.loop.port import find_port
 
-__all__ = ["plainer", "richer"]
+__all__ = ["breaking_away_as_well", "plainer", "richer"]
 
 Array = NDArray[np.float64]
 LEAST_GAIN = 60.0
 FASTEST = 10.0  # Hz of a delay's swing
 STICTION = 1.3  # times the level: size at which the direction of a larger breakaway force is taken
+CLEARLY = 1.5  # times the level: a breakaway force that is clearly another one
 FASTER = 1.0  # times the speeds seen: force that falls beyond them is not seen to fall
 APART = 0.2  # of the Coulomb level: by how much it may miss lying between the forces at speed and at breakaway
 SPEEDS = (3.0, 8.0, 25.0, 80.0)  # times the smoothing width
@@ -47,6 +48,28 @@ def plainer(fitted: Fitted) -> tuple[Added, ...] | None:
         Added("delay", one.at, {"delay": one.values["mean"]}, rank=one.rank) if one.kind == "variable_delay" else one
         for one in fitted.added
     )
+
+
+def breaking_away_as_well(case: Case, fitted: Fitted, place: int) -> Fitted | None:
+    """The hypothesis with Coulomb friction as friction that is clearly larger at breakaway, put last.
+
+    By half at least, and up to speeds that the log resolves well: where that explains the log as well,
+    the log does not tell the two apart.
+    """
+    one = fitted.added[place]
+    level, width = one.values["level"], one.values["smoothing"]
+    fastest = FASTER * base_of(case, fitted).view.state(find_port(case.segment.loop, one.at))
+    slowest = SPEEDS[1] * width
+    if fastest <= slowest:
+        return None
+    limits = {
+        **one.limits,
+        "level": (0.0, level), "stiction": (CLEARLY * level, np.inf), "speed": (slowest, fastest),
+    }  # fmt: skip
+    values = {"level": 0.9 * level, "stiction": 1.05 * CLEARLY * level, "smoothing": width}
+    values["speed"] = 0.5 * (slowest + fastest)
+    richer_one = Added("stribeck_friction", one.at, values, {}, frozenset(), limits, rank=one.rank)
+    return fit_hypothesis(case, (*fitted.added[:place], *fitted.added[place + 1 :], richer_one), near=fitted)
 
 
 def _breaking_away(base: Base, place: int, least: float) -> Added | None:
