@@ -26,7 +26,7 @@ class Missing:
 
     effect: kind as a design file names it. at: port. signal: the measured signal at which it shows. parameters:
     fitted values. settings: what is no number (`source`) and smoothing widths. certain: no rival explains the logs as
-    well. also_at: other ports of the segment where it would do the same.
+    well, and what drives its segment is explained. also_at: other ports of the segment where it would do the same.
     """
 
     effect: str

@@ -118,7 +118,7 @@ def diagnose(
                 known = ready, cleaned, moved, noise, pieces, numbers
                 tasks = [_Task(design, each[0], *known, k, (begin + effort.budget, effort.seed)) for k in wave]
                 for place, report in share(_work, tasks):
-                    done[wave[place]] = report
+                    done[wave[place]] = _as_sure_as(report, parts[wave[place]], done)
                     if progress:
                         progress(f"{' and '.join(report.exits)} done", len(done) / sum(map(len, waves)))
                 for report in (done[k] for k in wave):
@@ -128,6 +128,15 @@ def diagnose(
         left = [parts[k] for wave in waves for k in wave if k not in done]
         raise Interrupted(_cut_short(left, done, words, time.monotonic() - begin)) from None
     return _answer([done[k] for k in sorted(done)], words, time.monotonic() - begin)
+
+
+def _as_sure_as(report: SegmentReport, part: Segment, done: Mapping[int, SegmentReport]) -> SegmentReport:
+    """The report of a segment, nothing certain where what drives it is written by a segment that is not explained:
+    its column is cleaned by a wrong model, which the next effect may have to undo."""
+    told = {one.signal for other in done.values() for one in other.unexplained}
+    if not told & set(part.entries):
+        return report
+    return replace(report, missing=tuple(replace(one, certain=False) for one in report.missing))
 
 
 def _cut_short(

@@ -41,6 +41,6 @@ def _bars(panel: Axes, ladder: Sequence[Step], signal: str, unit: str) -> None:
         panel.text(errors[row], row, beside, va="center", fontsize=7, color=GREY)
     panel.set_yticks(range(len(ladder)), [step.step for step in ladder])
     panel.set_ylim(len(ladder) - 0.4, -0.6)
-    panel.set_xlim(0, 1.32 * max(max(errors), 1e-300))
+    panel.set_xlim(0, 1.45 * max(max(errors), 1e-300))
     panel.set_xlabel(f"Held-out rms error of {signal}" + (f" ({unit})" if unit else ""))
     panel.grid(visible=False, axis="y")

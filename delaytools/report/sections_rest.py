@@ -184,7 +184,7 @@ def assumptions_section(contents: Contents) -> Section:
     found = contents.remarks
     if not found:
         missing = (
-            "No comment of the design says *assumed* or cites a source: the origin of its numbers is not known.",
+            "No comment of the design says 'assumed' or cites a source: the origin of its numbers is not known.",
         )
         return Section(
             "assumptions",

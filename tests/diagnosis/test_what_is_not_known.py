@@ -1,15 +1,18 @@
 """What logs leave open: values of other segments, ends of tolerances, the tick of an edge, breakaway friction."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from delaytools.diagnosis.added import Added
+from delaytools.diagnosis.answer import Missing, Unexplained
+from delaytools.diagnosis.diagnose import _as_sure_as
 from delaytools.diagnosis.fitting import Fitted
 from delaytools.diagnosis.nuisance import with_nuisance_of
 from delaytools.diagnosis.screen import base_of
-from delaytools.diagnosis.segment_report import ALIKE, _directions
+from delaytools.diagnosis.segment_report import ALIKE, SegmentReport, _directions
 from delaytools.diagnosis.stepwise import with_period_fitted
 from delaytools.diagnosis.upgrades import breaking_away_as_well
 from delaytools.diagnosis.windows import _at_ticks
@@ -122,3 +125,14 @@ def test_what_a_rival_does_instead_is_passed_on_as_not_known() -> None:
     found = _directions(case, best, [(rival,)])[0][:, :, -1]
     outputs = [case.outputs(one.added, one.values)[0] for one in (best, rival)]
     assert np.allclose(found, outputs[1] - outputs[0]) and np.std(found) > 0
+
+
+@pytest.mark.parametrize(("told", "sure"), [("u", False), ("elsewhere", True)])
+def test_nothing_is_certain_behind_what_is_not_explained(told: str, sure: bool) -> None:
+    part = planted(ACTUATOR, (), WAVE).segment
+    one = Missing("lag", "act.input", "x", {}, {}, True, ())
+    unknown = Unexplained(told, 0.3, (), "")
+    nothing: tuple[tuple[Any, ...], ...] = ((),) * 4
+    ahead = SegmentReport(("u",), *nothing[:3], (), (), (), (), (unknown,), {}, (), False)
+    behind = SegmentReport(("x",), *nothing[:3], (one,), (), (), (), (), {}, (), False)
+    assert _as_sure_as(behind, part, {0: ahead}).missing[0].certain == sure
