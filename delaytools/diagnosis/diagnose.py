@@ -37,7 +37,7 @@ __all__ = ["Effort", "diagnose"]
 Array = NDArray[np.float64]
 Progress = Callable[[str, float], None]
 Band = Mapping[str, tuple[float, float]]  # signal -> limits
-BUDGET = 170.0  # s
+BUDGET, SEARCHED = 170.0, 0.8  # s, and the part of it after which searches end: the last step and the figures take time
 
 
 @final
@@ -45,7 +45,8 @@ BUDGET = 170.0  # s
 class Effort:
     """How much a diagnosis may cost.
 
-    budget: s after which searches end where they stand, which `budget_exhausted` then says. seed: of the noise by which
+    budget: s that an answer may take; searches end where they stand in time for it, which `budget_exhausted` then says.
+    seed: of the noise by which
     it is judged what noise on a measured input does further on. signals: measured ones to be explained (() = all that
     the design writes).
     """
@@ -116,7 +117,7 @@ def diagnose(
         with workers(effort.processes) as share:
             for wave in waves:
                 known = ready, cleaned, moved, noise, pieces, numbers
-                tasks = [_Task(design, each[0], *known, k, (begin + effort.budget, effort.seed)) for k in wave]
+                tasks = [_Task(design, each[0], *known, k, (begin + SEARCHED * effort.budget, effort.seed)) for k in wave]
                 for place, report in share(_work, tasks):
                     done[wave[place]] = _as_sure_as(report, parts[wave[place]], done)
                     if progress:

@@ -172,11 +172,11 @@ def _step(case: Case, fitted: Fitted, carried: Carried) -> tuple[Fitted | None, 
     if len(base.added) + 2 <= most_of(case):
         two = pairs(base_of(rough, base), found, least=base.chi2 - tried[0].chi2)
         further += [((*base.added, *both), gain) for both, gain in two]
-    tried = sorted([*tried, *_fits(rough, base, further)], key=_cost)
+    tried = sorted([*tried, *_fits(rough, base, further, further=True)], key=_cost)
     other = [(added, np.inf) for one in tried[:NEAREST] for added in (plainer(one), _ahead(one)) if added is not None]
-    changed = _fits(rough, base, other)
+    changed = _fits(rough, base, other, further=True)
     swung = [(a, np.inf) for one in changed for a in richer(rough, one, least=WORTH_MORE * one.chi2)]
-    tried = sorted(_best_of_each([*tried, *changed, *_fits(rough, base, swung)]), key=_cost)
+    tried = sorted(_best_of_each([*tried, *changed, *_fits(rough, base, swung, further=True)]), key=_cost)
     seen, again = _seen_through_the_best(case, rough, tried, carried)
     most = len(again[0].added)
     if most == len(base.added) + 2 and any(_spared(seen, again[0], most - k, carried) for k in (1, 2)):
@@ -244,12 +244,15 @@ def _fits(
     hypotheses: list[tuple[tuple[Added, ...], float]],
     *,
     known: float = 0.0,
+    further: bool = False,
 ) -> list[Fitted]:
     """Each hypothesis fitted, with the χ² that it promised; those that promise far less than was found are left out,
     or than the best promise: far from the truth all promises may be too low.
 
-    known: χ² that something else is known to take off.
+    known: χ² that something else is known to take off. further: beside others; none, then, after the deadline.
     """
+    if further and case.is_late:
+        return []
     starts = _starts(case, fitted)
     best = max((promised for _, promised in hypotheses), default=0.0)
     part = IN_PIECES if case.pieces else PROMISING
@@ -322,7 +325,7 @@ def _swapped(
         here = fitted.added[place].key
         found = [one for one in proposals(case, without)[:8] if one.added.key != here]
         hypotheses = [((*without.added, one.added), one.gain) for one in found]
-        tried = _fits(case, without, hypotheses, known=without.chi2 - fitted.chi2)
+        tried = _fits(case, without, hypotheses, known=without.chi2 - fitted.chi2, further=True)
         again = _again(case, tried, min(fitted, *tried, key=_cost)) if tried else []
         again = [one for one in again if _keys(one) != _keys(fitted)]  # a late search hands it back
         if again and _cost(again[0]) < _cost(fitted) - 1.0:

@@ -19,7 +19,7 @@ from delaytools.diagnosis.answer import (
     Unexplained,
 )
 from delaytools.diagnosis.case import Case
-from delaytools.diagnosis.fitting import Fitted, fit_hypothesis, has_odd_rows
+from delaytools.diagnosis.fitting import STEPS, Fitted, at_values, fit_hypothesis, has_odd_rows
 from delaytools.diagnosis.heldout import PIECE, HeldOut, held_out, rms_band
 from delaytools.diagnosis.leftover import imitated, left_over, unexplained
 from delaytools.diagnosis.next_experiment import next_experiment
@@ -210,7 +210,10 @@ def _steps(
         if count == 0 and not nominal:
             continue
         try:
-            last = fit_hypothesis(case, added, near=last or found.null)
+            if case.is_late and added == found.fitted.added:
+                last = at_values(case, added, found.fitted)
+            else:
+                last = fit_hypothesis(case, added, near=last or found.null, evaluations=2 if case.is_late else STEPS)
         except DelaytoolsError:  # unstable without what is still to come: no rung of its own
             continue
         label = f"+ {added[-1].name}" if added else "tolerances fitted"
