@@ -37,7 +37,7 @@ __all__ = ["Effort", "diagnose"]
 Array = NDArray[np.float64]
 Progress = Callable[[str, float], None]
 Band = Mapping[str, tuple[float, float]]  # signal -> limits
-BUDGET, SEARCHED = 170.0, 0.8  # s, and the part of it after which searches end: the last step and the figures take time
+BUDGET, SEARCHED = 170.0, 0.8  # s, and the part of it after which searches end: a last step and the figures take time
 
 
 @final
@@ -46,9 +46,8 @@ class Effort:
     """How much a diagnosis may cost.
 
     budget: s that an answer may take; searches end where they stand in time for it, which `budget_exhausted` then says.
-    seed: of the noise by which
-    it is judged what noise on a measured input does further on. signals: measured ones to be explained (() = all that
-    the design writes).
+    seed: of the noise by which it is judged what noise on a measured input does further on. signals: measured ones to
+    be explained (() = all that the design writes).
     """
 
     processes: int = 2
