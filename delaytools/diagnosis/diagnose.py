@@ -116,7 +116,8 @@ def diagnose(
         with workers(effort.processes) as share:
             for wave in waves:
                 known = ready, cleaned, moved, noise, pieces, numbers
-                tasks = [_Task(design, each[0], *known, k, (begin + SEARCHED * effort.budget, effort.seed)) for k in wave]
+                limits = begin + SEARCHED * effort.budget, effort.seed
+                tasks = [_Task(design, each[0], *known, k, limits) for k in wave]
                 for place, report in share(_work, tasks):
                     done[wave[place]] = _as_sure_as(report, parts[wave[place]], done)
                     if progress:

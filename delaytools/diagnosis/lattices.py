@@ -1,5 +1,7 @@
 """Quantisers that a log shows by itself: all values of a column lie on a lattice."""
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -7,9 +9,9 @@ from delaytools.diagnosis.added import Added
 from delaytools.diagnosis.case import Case
 from delaytools.diagnosis.fitting import Fitted
 from delaytools.diagnosis.places import spots
-from delaytools.loop.port import Port
+from delaytools.loop.port import Port, find_port
 
-__all__ = ["lattice_step", "on_lattice", "quantisers_shown"]
+__all__ = ["ahead_of_lattice", "lattice_step", "on_lattice", "quantisers_shown"]
 
 Array = NDArray[np.float64]
 SAME = 1e-3  # of a step: nearer than this, two lattices are one
@@ -39,6 +41,14 @@ def on_lattice(case: Case, port: Port) -> Added | None:
         return None
     held, errors = frozenset({"step"}), {"step": 1e-4 * step}
     return Added("quantization", str(port), {"step": step}, {}, held, {}, errors)
+
+
+def ahead_of_lattice(case: Case, fitted: Fitted, one: Added) -> Added:
+    """The effect ahead of a quantiser at its port whose lattice the log shows: behind it, values would leave that."""
+    ranks = [a.rank for a in fitted.added if a.at == one.at and a.kind == "quantization"]
+    if not ranks or on_lattice(case, find_port(case.segment.loop, one.at)) is None:
+        return one
+    return replace(one, rank=min(ranks) - 1)
 
 
 def quantisers_shown(case: Case, fitted: Fitted, least: float) -> tuple[Added, ...]:

@@ -11,7 +11,7 @@ from delaytools.diagnosis.case import Case
 from delaytools.diagnosis.driving import nominal
 from delaytools.diagnosis.fitting import STEPS, TOLERANCE, Fitted, fit_hypothesis
 from delaytools.diagnosis.joint_start import making_room
-from delaytools.diagnosis.lattices import quantisers_shown
+from delaytools.diagnosis.lattices import ahead_of_lattice, quantisers_shown
 from delaytools.diagnosis.noise_of import CLEANED, EXACT, Carried, column_noise, noise_of
 from delaytools.diagnosis.nuisance import with_nuisance_of
 from delaytools.diagnosis.pairs import pairs
@@ -161,8 +161,8 @@ def _step(case: Case, fitted: Fitted, carried: Carried) -> tuple[Fitted | None, 
         base = _refit(rough, fitted) or fitted
     found = sorted(proposals(rough, base), key=lambda one: not _rubs_beside(base, one.added))
     more = richer(rough, base, least=0.5 * max((one.gain for one in found), default=0.0))
-    hypotheses = [*((added, np.inf) for added in more), *(((*base.added, one.added), one.gain) for one in found)]
-    tried = _fits(rough, base, hypotheses)
+    ordered = [((*base.added, ahead_of_lattice(rough, base, one.added)), one.gain) for one in found]
+    tried = _fits(rough, base, [*((added, np.inf) for added in more), *ordered])
     if not tried:
         return None, [], case
     further = [

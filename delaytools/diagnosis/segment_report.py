@@ -34,7 +34,7 @@ from delaytools.diagnosis.noise_of import references
 from delaytools.diagnosis.quantities import quantities
 from delaytools.diagnosis.search import PENALTY, Finding
 from delaytools.diagnosis.upgrades import breaking_away_as_well
-from delaytools.diagnosis.worth import WORTHLESS
+from delaytools.diagnosis.worth import UNKNOWN, WORTHLESS
 from delaytools.signals.trouble import DelaytoolsError
 
 __all__ = ["SegmentReport", "segment_report"]
@@ -261,7 +261,7 @@ def _tolerated(case: Case, fitted: Fitted) -> dict[str, Quantity]:
 
 def _notes(found: Finding) -> tuple[str, ...]:
     """What was refused although it pays."""
-    if found.refused is None or found.refused[1] == WORTHLESS:
+    if found.refused is None or found.refused[1] in (WORTHLESS, UNKNOWN):
         return ()
     one, why = found.refused
     return (f"{one.name} at {found.case.exits[0]} is {why}: not named",)

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from delaytools.diagnosis.added import path_of
 from delaytools.diagnosis.case import Case
 from delaytools.diagnosis.fitting import Fitted, has_odd_rows
 from delaytools.diagnosis.heldout import held_out
@@ -12,7 +13,7 @@ from delaytools.diagnosis.noise import incoherent_spectrum
 from delaytools.diagnosis.noise_of import Carried
 from delaytools.diagnosis.proposals import PENALTY
 
-__all__ = ["NAMED", "PART_OF_NOISE", "WORTHLESS", "objection"]
+__all__ = ["NAMED", "PART_OF_NOISE", "UNKNOWN", "WORTHLESS", "objection"]
 
 Array = NDArray[np.float64]
 NAMED = 60.0  # held-out χ² that an effect must be worth
@@ -21,6 +22,7 @@ IN_A_BAND = 1.5  # times the noise density, where an effect is small in all
 LUCK = 3.5  # standard errors over rows by which an effect must win (Vuong 1989): noise in spikes pays by chance
 SHORTEST = 0.5  # rows: a shorter delay or lag may be the way in which rows are joined
 BRIEF = "shorter than half a row, as the way may be in which rows are joined"
+UNKNOWN = "the logs say nothing of its values"
 WORTHLESS = "no better on data not used for the fit"
 SMALL = "significant but smaller than a quarter of the noise"
 
@@ -31,6 +33,8 @@ def objection(case: Case, before: Fitted, after: Fitted, carried: Carried, place
     known = after.added[place].values
     if any(known.get(name, np.inf) < SHORTEST * case.step for name in ("delay", "time_constant")):
         return BRIEF
+    if _is_unknown(after, place):
+        return UNKNOWN
     if has_odd_rows(case, after.added):  # what they leave out is no gain
         before = replace(before, residual=case.without_odd_rows(before.residual))
     now, then = held_out(after, case.rows), held_out(before, case.rows)
@@ -38,6 +42,13 @@ def objection(case: Case, before: Fitted, after: Fitted, carried: Carried, place
     if gain < max(NAMED + PENALTY * (after.size - before.size - 1), LUCK * now.luck_beside(then)):
         return WORTHLESS
     return "" if _matters(case, before, after, carried, place) else SMALL
+
+
+def _is_unknown(fitted: Fitted, place: int) -> bool:
+    """Whether a reported value of an effect has an infinite standard error."""
+    one, known = fitted.added[place], fitted.by_path
+    paths = (path_of(place % len(fitted.added), name) for name in one.reported)
+    return any(path in known and known[path].std == np.inf for path in paths)
 
 
 def _matters(case: Case, before: Fitted, after: Fitted, carried: Carried, place: int = -1) -> bool:

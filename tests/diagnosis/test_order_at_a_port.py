@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 
 from delaytools.diagnosis.added import Added, places_in_file
+from delaytools.diagnosis.fitting import Fitted
+from delaytools.diagnosis.lattices import ahead_of_lattice
 from delaytools.diagnosis.noise_of import Carried
 from delaytools.diagnosis.search import search
 from delaytools.signals.stimulus import Multisine
@@ -24,6 +26,18 @@ def test_what_is_found_last_may_stand_first() -> None:
         (name,) = one.values
         path = f"effects.{1000 + place}.{name}"
         assert fitted.by_path[path].value == pytest.approx(one.values[name], rel=0.02)
+
+
+def test_behind_a_quantiser_whose_lattice_the_log_shows_nothing_stands() -> None:
+    rounded = Added("quantization", "act.output", {"step": 0.2}, {}, frozenset({"step"}))
+    shown = planted(ACTUATOR, (rounded,), WAVE, noise=0.0)
+    smeared = planted(ACTUATOR, (rounded,), WAVE)
+    for case, first in ((shown, True), (smeared, False)):
+        known = Fitted((rounded,), case.parameters((rounded,)), np.zeros(0), np.zeros((0, 0)))
+        both = (rounded, ahead_of_lattice(case, known, OFFSET))
+        assert places_in_file(both) == ((1, 0) if first else (0, 1))
+    elsewhere = Added("bias", "act.input", {"level": 1.5})
+    assert ahead_of_lattice(shown, known, elsewhere) is elsewhere
 
 
 def test_rank_orders_a_port_and_leaves_the_others() -> None:

@@ -10,12 +10,14 @@ from delaytools.diagnosis.added import Added
 from delaytools.diagnosis.answer import Missing, Unexplained
 from delaytools.diagnosis.diagnose import _as_sure_as
 from delaytools.diagnosis.fitting import Fitted
+from delaytools.diagnosis.noise_of import Carried
 from delaytools.diagnosis.nuisance import with_nuisance_of
 from delaytools.diagnosis.screen import base_of
 from delaytools.diagnosis.segment_report import ALIKE, SegmentReport, _directions
 from delaytools.diagnosis.stepwise import with_period_fitted
 from delaytools.diagnosis.upgrades import breaking_away_as_well
 from delaytools.diagnosis.windows import _at_ticks
+from delaytools.diagnosis.worth import UNKNOWN, objection
 from delaytools.signals.parameter import Parameter
 from delaytools.signals.record import Record
 from delaytools.signals.stimulus import Multisine
@@ -116,6 +118,15 @@ def test_breakaway_that_a_log_cannot_exclude_stands_beside_coulomb_friction(true
     other = breaking_away_as_well(case, best, 0)
     assert other is not None and other.added[-1].values["stiction"] >= 1.5 * best.added[0].values["level"] * (1 - 1e-6)
     assert (other.chi2 < best.chi2 + ALIKE) == alike
+
+
+def test_an_effect_of_whose_value_the_log_says_nothing_is_not_named() -> None:
+    lag = Added("lag", "act.input", {"time_constant": 0.002})
+    case = planted(ACTUATOR, (lag,), WAVE)
+    before, best = fitted(case), fitted(case, lag)
+    assert objection(case, before, best, Carried({})) == ""
+    unknown = replace(best, parameters=tuple(replace(p, std=np.inf) for p in best.parameters))
+    assert objection(case, before, unknown, Carried({})) == UNKNOWN
 
 
 def test_what_a_rival_does_instead_is_passed_on_as_not_known() -> None:
