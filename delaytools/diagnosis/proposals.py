@@ -122,9 +122,14 @@ def sharpened_again(case: Case, fitted: Fitted) -> Fitted:
             found = _SHARPEN[one.kind](base, roughly).added
         moved = fit_hypothesis(case, (*rest, found), near=fitted, tolerance=CLOSE)
         if moved.chi2 > fitted.chi2 - ENOUGH:
-            return moved if moved.chi2 < fitted.chi2 else fitted
+            return moved if moved.chi2 < fitted.chi2 else _with_errors(fitted, found)
         fitted = moved
     return fitted
+
+
+def _with_errors(fitted: Fitted, found: Added) -> Fitted:
+    """The hypothesis with the errors of its last effect as they are where it stands."""
+    return replace(fitted, added=(*fitted.added[:-1], replace(fitted.added[-1], errors=found.errors)))
 
 
 _SHARPEN = {"quantization": with_step_fitted, "sample_hold": with_period_fitted, "transient_gain": with_edges_fitted}

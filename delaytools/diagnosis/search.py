@@ -6,7 +6,7 @@ from typing import final
 import numpy as np
 from numpy.typing import NDArray
 
-from delaytools.diagnosis.added import Added
+from delaytools.diagnosis.added import Added, places_in_file
 from delaytools.diagnosis.case import Case
 from delaytools.diagnosis.driving import nominal
 from delaytools.diagnosis.fitting import STEPS, TOLERANCE, Fitted, fit_hypothesis
@@ -84,7 +84,7 @@ def search(case: Case, carried: Carried, *, deadline: float = np.inf) -> Finding
         kept = [k for k, one in enumerate(fitted.added) if one.key in {b.key for b in best.added}]
         new = len(best.added) - len(kept)
         rivals = [*(rivals[k] for k in kept), *([] for _ in range(new - 1)), others]
-        case, fitted = seen, best
+        case, fitted = _windows_again(seen, best, carried)
     case, fitted, rivals = _swapped(case, fitted, rivals, carried)
     case, fitted, rivals = _pruned(case, fitted, rivals, carried)
     for one in quantisers_shown(case, fitted, PART_OF_NOISE):
@@ -110,6 +110,21 @@ def _rewhitened(case: Case, fitted: Fitted, carried: Carried) -> tuple[Case, Fit
     """The case seen through the noise that this hypothesis leaves, and the hypothesis fitted again."""
     case = _seen(case, fitted, carried)
     return case, fit_hypothesis(case, fitted.added, near=fitted)
+
+
+def _windows_again(case: Case, fitted: Fitted, carried: Carried) -> tuple[Case, Fitted]:
+    """The hypothesis with the edges of earlier windows of gain sought again beside what was found since."""
+    for place, one in enumerate(fitted.added[:-1]):
+        if one.kind != "transient_gain" or case.pieces or case.is_late:
+            continue
+        along = places_in_file(fitted.added)
+        ranked = tuple(replace(each, rank=along.index(k)) for k, each in enumerate(fitted.added))
+        moved = (*ranked[:place], *ranked[place + 1 :], ranked[place])
+        again = sharpened_again(case, fit_hypothesis(case, moved, near=fitted))
+        if again.chi2 < fitted.chi2 - AS_GOOD:
+            back = (*again.added[:place], again.added[-1], *again.added[place:-1])
+            case, fitted = _rewhitened(case, fit_hypothesis(case, back, near=again), carried)
+    return case, fitted
 
 
 def _resolved(case: Case, best: Fitted, others: list[Fitted]) -> tuple[Case, Fitted, list[Fitted]]:

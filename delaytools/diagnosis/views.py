@@ -7,14 +7,14 @@ from typing import final
 import numpy as np
 from numpy.typing import NDArray
 
-from delaytools.blocks.block import CASADI
+from delaytools.blocks.block import CASADI, Continuous
 from delaytools.blocks.equations import Equations
 from delaytools.blocks.second_order import SecondOrder
 from delaytools.diagnosis.added import with_added
 from delaytools.diagnosis.case import Case
 from delaytools.diagnosis.fitting import Fitted
 from delaytools.loop.loop import Loop
-from delaytools.loop.network import network
+from delaytools.loop.network import network, pushed_by
 from delaytools.loop.port import Port, read_at, written_at
 from delaytools.loop.values import parameter_values, resolve, with_numbers
 from delaytools.signals.expression import Expression
@@ -101,17 +101,23 @@ class View:
         return any(abs(np.corrcoef(column, y)[0, 1]) > FOLLOWED for y in rows.T if np.ptp(y) > 0)
 
     def is_at(self, port: Port, signal: str) -> bool:
-        """Whether the signal stands at the port itself, or drives the port's derivative as the one input of its block.
+        """Whether the signal stands at the port itself, or does nothing but drive the port's derivative.
 
         A force from a block's own input is a scale factor of it.
         """
         loop = self.case.segment.loop
         element = loop[port.element]
-        if port.kind == "derivative" and len(element.inputs) == 1 and not isinstance(element.block, Equations):
-            return read_at(loop, replace(port, kind="input", name=next(iter(element.inputs)))).text.strip() == signal
+        if port.kind == "derivative":
+            alone = len(element.inputs) == 1 and not isinstance(element.block, Equations)
+            names = [n for n in element.inputs if alone or self._pushes(element.name, n) == port.name]
+            return any(read_at(loop, replace(port, kind="input", name=n)).text.strip() == signal for n in names)
         if port.kind == "input":
             return read_at(loop, port).text.strip() == signal
         return port.kind == "output" and written_at(loop, port) == signal
+
+    def _pushes(self, element: str, name: str) -> str:
+        block = resolve(self.case.segment.loop)[element].block
+        return pushed_by(block, name) if isinstance(block, Continuous) else ""
 
     def state_rows(self, port: Port) -> tuple[Array, ...]:
         """The state on whose derivative the port acts, per log, from the outputs of its block."""

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import minimize
 
 from delaytools.blocks.block import Sampled
 from delaytools.diagnosis.added import Added
@@ -21,10 +22,15 @@ __all__ = ["edges_beside", "transients", "with_edges_fitted"]
 Array = NDArray[np.float64]
 SMALL = 0.02
 FIRST_MOVE, LAST_MOVE = 4.0, 0.02  # cells
+MOVES = ((1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (-1, -1), (1, -1), (-1, 1))
+EDGES = ("start", "end")
+PROBED, LOCAL = 4, 10  # rows by which an edge is moved to see what it does, and up to which that tells its error
+ROWS_APART, RUNS = 10.0, 80  # of the corners of a first simplex of edges, and how many of its places are tried
 SPIKES = 7
 TURNS = 5  # in which start and end are sought by rows
 SURELY = 12.0  # χ² by which a place of an edge is worse than the best: surely not there
 FARTHEST, PLACES = 1.0, 25  # s from the best place, and places between there and here that are looked at
+TRIED = ((1 / 3, 1 / 3), (0.18, 0.09), (0.46, 0.13), (0.71, 0.11), (0.87, 0.05))  # start and length, of the log
 FORGOTTEN = 0.5  # of the power of a window's answer: so much outside the window and otherwise inside is too much
 BEGINNINGS = 80  # times between which windows of gain are sought exactly
 SHOWN = 4.0  # χ² that half a row must take off: less is chance, and where nothing is held rows show no more
@@ -74,15 +80,21 @@ def _best_stretch(base: Base, change: Array) -> tuple[float, float, float, float
 
 
 def _forgets(base: Base, whole: Added, change: Array) -> bool:
-    """Whether a window of gain changes little outside its own stretch: not where the segment integrates."""
-    third = base.case.duration / 3
-    window = Added("transient_gain", whole.at, {**whole.values, "start": third, "end": 2 * third})
-    answer = response(base, window)
-    if answer is None:
-        return True
-    time = base.case.rows.time
-    inside = np.where((time >= third) & (time < 2 * third), change, 0.0)
-    return bool(np.sum((answer - inside) ** 2) < FORGOTTEN * np.sum(answer**2))
+    """Whether windows of gain change little outside their own stretch: not where the segment integrates.
+
+    Several windows, since what leaves one may happen to come to nothing: a push forth and back.
+    """
+    time, duration = base.case.rows.time, base.case.duration
+    for start, length in TRIED:
+        begin, end = start * duration, (start + length) * duration
+        window = Added("transient_gain", whole.at, {**whole.values, "start": begin, "end": end})
+        answer = response(base, window)
+        if answer is None:
+            continue
+        inside = np.where((time >= begin) & (time < end), change, 0.0)
+        if np.sum((answer - inside) ** 2) > FORGOTTEN * np.sum(answer**2):
+            return False
+    return True
 
 
 def _best_window(base: Base, way: Way) -> tuple[float, float, float, float]:
@@ -117,12 +129,15 @@ def with_edges_fitted(base: Base, one: Added) -> Screened:
     starts = [edges, *_between_spikes(base)]
     gains = [_taken_off(base, one, place) for place in starts]
     best, edges = max(gains), starts[int(np.argmax(gains))]
-    way = base.way(one.at)
+    way, by_rows = base.way(one.at), None
     if way is not None and way.is_quick:
-        start, end = _by_rows(base, way, one, edges)
-    else:
+        by_rows = _by_rows(base, way, one, edges)
+        if _taken_off(base, one, np.array([place for place, _ in by_rows])) < best:
+            by_rows = None  # what integrates answers an early pulse with more than a late one: far away that counts
+    if by_rows is None:
         edges = _pattern_search(base, one, (best, edges))
-        start, end = (_centred(base, one, edges, side) for side in (0, 1))
+        by_rows = [_centred(base, one, edges, side) for side in (0, 1)]
+    start, end = by_rows
     moved = one.moved({"start": max(start[0], 0.0), "end": end[0]})
     change = response(base, moved)
     gain, scale = (0.0, 1.0) if change is None else base.gain(change)
@@ -139,16 +154,59 @@ def edges_beside(base: Base) -> Added | None:
     if way is None or not way.is_quick:
         return None
     found = {name: edge_beside(base, way, one, side) for side, name in enumerate(("start", "end"))}
-    moves = [(gain, one.moved({name: place})) for name, (place, _, gain) in found.items()]
+    beside = [one.moved({name: place}) for name, (place, _, _) in found.items()]
+    moves = [(_instead(base, moved), moved) for moved in beside]
     for name in found:  # a held signal shows where in a row its gain changes
         for half in (-0.5, 0.5):
             moved = one.moved({name: max(one.values[name] + half * base.case.step, 0.0)})
-            change = response_instead(base, len(base.fitted.added) - 1, moved)
-            gain = 0.0 if change is None else base.gain(change, 1.0, 1.0)[0]
+            gain = _instead(base, moved)
             moves.append((gain if gain > SHOWN else 0.0, moved))
+    if max(gain for gain, _ in moves) < SHOWN:  # both edges may have to move at once
+        moves.append(_both_moved(base, one))
     best = max(moves, key=lambda move: move[0])[1]
-    errors = {name: _at_ticks(base, one.at, (best.values[name], error)) for name, (_, error, _) in found.items()}
-    return replace(best, errors=errors)
+    spreads = _local_errors(base, one) or {name: error for name, (_, error, _) in found.items()}
+    return replace(best, errors={name: _at_ticks(base, one.at, (best.values[name], e)) for name, e in spreads.items()})
+
+
+def _instead(base: Base, moved: Added) -> float:
+    """χ² that the window of the base's hypothesis takes off in another place, all that was fitted with it free."""
+    change = response_instead(base, len(base.fitted.added) - 1, moved)
+    return 0.0 if change is None else base.gain(change, 1.0, 1.0)[0]
+
+
+def _local_errors(base: Base, one: Added) -> dict[str, float] | None:
+    """Standard errors of both edges from what a few rows of each do, all else free; None where a window is so weak that
+    its edges may lie farther away than that holds."""
+    step, place = base.case.step, len(base.fitted.added) - 1
+    changes = [response_instead(base, place, one.moved({name: one.values[name] + PROBED * step})) for name in EDGES]
+    if any(change is None for change in changes):
+        return None
+    columns = base.projected(np.stack([change for change in changes if change is not None], axis=1)) / (PROBED * step)
+    _, sizes, sides = np.linalg.svd(columns, full_matrices=False)
+    errors = np.sqrt(np.sum((sides.T / np.maximum(sizes, 1e-300)) ** 2, axis=1))
+    if errors.max() > LOCAL * step:
+        return None
+    return {name: float(np.hypot(error, step / np.sqrt(12))) for name, error in zip(EDGES, errors, strict=True)}
+
+
+def _both_moved(base: Base, one: Added) -> tuple[float, Added]:
+    """The window with both edges where most is taken off, by the simplex method from rows beside its own (Nelder 1965).
+
+    Behind an integrator only the whole push and its middle show well: along the rest, edges and factor move together.
+    """
+    step, edges = base.case.step, np.array([one.values[name] for name in EDGES])
+
+    def placed(shift: Array) -> Added:
+        return one.moved(dict(zip(EDGES, map(float, edges + shift * step), strict=True)))
+
+    def left(shift: Array) -> float:
+        start, end = edges + shift * step
+        return -_instead(base, placed(shift)) if 0 <= start < end - step else np.inf
+
+    corners = np.array([[0.0, 0.0], [ROWS_APART, 0.0], [0.0, -ROWS_APART]])
+    options = {"initial_simplex": corners, "xatol": 0.1, "fatol": 1.0, "maxfev": RUNS}
+    found = minimize(left, np.zeros(2), method="Nelder-Mead", options=options)
+    return float(-found.fun), placed(found.x)
 
 
 def _at_ticks(base: Base, at: str, edge: tuple[float, float]) -> float:
@@ -183,7 +241,7 @@ def _pattern_search(base: Base, one: Added, begin: tuple[float, Array]) -> Array
     """The best edges from four cells down to a fiftieth of one: the cost has kinks where an edge crosses a row."""
     (best, edges), step = begin, FIRST_MOVE * base.case.duration / CELLS
     while step > LAST_MOVE * base.case.duration / CELLS:
-        moves = [edges + step * np.array(move) for move in ((1, 0), (-1, 0), (0, 1), (0, -1))]
+        moves = [edges + step * np.array(move) for move in MOVES]
         tried = [(_taken_off(base, one, place), place) for place in moves]
         top, place = max(tried, key=lambda pair: pair[0])
         if top > best:

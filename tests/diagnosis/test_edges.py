@@ -14,9 +14,11 @@ from delaytools.diagnosis.noise_of import Carried, noise_of
 from delaytools.diagnosis.places import spots
 from delaytools.diagnosis.proposals import sharpened_again
 from delaytools.diagnosis.screen import Base, base_of, response
-from delaytools.diagnosis.windows import transients, with_edges_fitted
+from delaytools.diagnosis.search import _windows_again
+from delaytools.diagnosis.windows import _forgets, transients, with_edges_fitted
+from delaytools.loop.port import find_port
 from delaytools.signals.parameter import Parameter
-from delaytools.signals.stimulus import Multisine
+from delaytools.signals.stimulus import Multisine, Sine
 from tests.diagnosis.small_cases import ACTUATOR, NOISE, SLIDE, fitted, planted
 
 WAVE = Multisine(amplitude=3.0, from_frequency=0.3, to_frequency=6.0, lines=25)
@@ -114,3 +116,41 @@ def test_a_window_whose_answer_stays_is_screened_and_its_edges_found_beside_the_
     for name, error in one.added[0].errors.items():
         assert one.added[0].values[name] == pytest.approx(true.values[name], abs=3 * error)
     assert one.chi2 < fitted(case, true).chi2 + 4.0
+
+
+def test_a_push_forth_and_back_does_not_hide_that_a_segment_integrates() -> None:
+    case = planted(SLIDE, (), Sine(amplitude=10.0, frequency=1.5))  # three periods in the middle third of the log
+    base, whole = base_of(case, fitted(case)), Added("scale_factor", "drive.u", {"factor": 1.02})
+    assert not _forgets(base, whole, response(base, whole))
+    other = base_of(still := planted(ACTUATOR, (), WAVE), fitted(still))
+    whole = Added("scale_factor", "act.input", {"factor": 1.02})
+    assert _forgets(other, whole, response(other, whole))
+
+
+def test_edges_that_are_sought_are_no_worse_than_where_the_search_began() -> None:
+    push = Multisine(amplitude=10.0, from_frequency=0.3, to_frequency=6.0, lines=25)
+    true = window("drive.u", 1.9).moved({"start": 2.037, "end": 2.537})
+    case = planted(SLIDE, (true,), push, noise=1e-3)
+    base = base_of(case, fitted(case))
+    for start, end in ((2.0, 2.6), (2.3, 2.5), (1.8, 2.9)):
+        begun = true.moved({"start": start, "end": end})
+        gain = base.gain(response(base, begun))[0]
+        found = with_edges_fitted(base, begun)
+        assert found.gain >= gain and found.gain == pytest.approx(base.gain(response(base, found.added))[0])
+
+
+def test_edges_follow_what_was_found_since() -> None:
+    push = Multisine(amplitude=10.0, from_frequency=0.2, to_frequency=1.0, lines=9)
+    true, gain = window("drive.u", 0.6), Added("scale_factor", "drive.u", {"factor": 0.97})
+    case = planted(SLIDE, (true, gain), push)
+    off = fitted(case, true.moved({"start": 2.002, "end": 3.515}), gain)
+    _, found = _windows_again(case, off, Carried({}))
+    assert [one.kind for one in found.added] == ["transient_gain", "scale_factor"]
+    for name, value in (("start", 2.0), ("end", 3.5)):
+        assert found.added[0].values[name] == pytest.approx(value, abs=2e-3)
+
+
+def test_the_signal_that_does_nothing_but_push_is_no_coupling_of_its_derivative() -> None:
+    base = base_of(case := planted(SLIDE, (), WAVE), fitted(case))
+    port = find_port(base.case.segment.loop, "drive.v'")
+    assert base.view.is_at(port, "u") and not base.view.is_at(port, "x")
