@@ -97,8 +97,7 @@ def diagnose(
     effort: processes, seconds and seed. The same logs and seed give the same answer.
     Raises DelaytoolsError for a log that lacks what drives a segment, Interrupted with what is finished.
     """
-    begin = time.monotonic()
-    effort = effort or Effort()
+    begin, effort = time.monotonic(), effort or Effort()
     each = _configurations(configuration, len(records))
     loop = build(design, each[0])
     part, left_out = searched_rows(records)

@@ -76,8 +76,7 @@ def fit_hypothesis(
     """The hypothesis with its values where Σ residual² is least; `near` gives starts for tolerated values.
 
     tolerance: of χ² and values, relative; where it is wide, delays are taken between those whose runs are kept.
-    evaluations: at most so many runs; after the case's deadline, those of one step, or none where `near`
-    is the same hypothesis.
+    evaluations: runs at most; after the case's deadline those of one step, none where `near` is the same hypothesis.
     """
     nearly = tolerance >= ROUGH
     known = near.by_path if near else {}
@@ -113,9 +112,9 @@ def fit_hypothesis(
         residual, start, jacobian=lambda x: both(x)[1], coloured=False, tolerance=tolerance,
         evaluations=evaluations, enough=lambda: case.is_late,
     )  # fmt: skip
-    whole, slopes = both(np.array([p.value for p in found.parameters]))
-    parameters = _with_ends_open(found.parameters, whole, slopes)
-    return Fitted(placed(added, parameters), parameters, whole, slopes, found.success)
+    rows = both(np.array([p.value for p in found.parameters]))
+    parameters = _with_ends_open(found.parameters, *rows)
+    return Fitted(placed(added, parameters), parameters, *rows, found.success)
 
 
 def _with_ends_open(parameters: tuple[Parameter, ...], residual: Array, slopes: Array) -> tuple[Parameter, ...]:

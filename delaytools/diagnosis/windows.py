@@ -33,6 +33,7 @@ FARTHEST, PLACES = 1.0, 25  # s from the best place, and places between there an
 TRIED = ((1 / 3, 1 / 3), (0.18, 0.09), (0.46, 0.13), (0.71, 0.11), (0.87, 0.05))  # start and length, of the log
 FORGOTTEN = 0.5  # of the power of a window's answer: so much outside the window and otherwise inside is too much
 BEGINNINGS = 80  # times between which windows of gain are sought exactly
+TRUE = 0.1  # of the χ² that a place of an edge is said to take off: by how much a run may differ
 SHOWN = 4.0  # χ² that half a row must take off: less is chance, and where nothing is held rows show no more
 EVEN = 1e-6
 CELLS = 400  # stretches of time between which the edges of a transient are sought
@@ -153,9 +154,12 @@ def edges_beside(base: Base) -> Added | None:
     way = base.way(one.at)
     if way is None or not way.is_quick:
         return None
-    found = {name: edge_beside(base, way, one, side) for side, name in enumerate(("start", "end"))}
-    beside = [one.moved({name: place}) for name, (place, _, _) in found.items()]
-    moves = [(_instead(base, moved), moved) for moved in beside]
+    found = {name: edge_beside(base, way, one, side) for side, name in enumerate(EDGES)}
+    moves = []
+    for name, (place, _, said) in found.items():
+        moved = one.moved({name: place})
+        gain = _instead(base, moved)
+        moves.append((said if abs(gain - said) < max(SHOWN, TRUE * abs(said)) else gain, moved))
     for name in found:  # a held signal shows where in a row its gain changes
         for half in (-0.5, 0.5):
             moved = one.moved({name: max(one.values[name] + half * base.case.step, 0.0)})
@@ -164,7 +168,9 @@ def edges_beside(base: Base) -> Added | None:
     if max(gain for gain, _ in moves) < SHOWN:  # both edges may have to move at once
         moves.append(_both_moved(base, one))
     best = max(moves, key=lambda move: move[0])[1]
-    spreads = _local_errors(base, one) or {name: error for name, (_, error, _) in found.items()}
+    spreads = {name: error for name, (_, error, _) in found.items()}
+    if any(_is_worse(base, best, name, error) for name, error in spreads.items()):
+        spreads = _local_errors(base, one) or spreads
     return replace(best, errors={name: _at_ticks(base, one.at, (best.values[name], e)) for name, e in spreads.items()})
 
 
@@ -172,6 +178,15 @@ def _instead(base: Base, moved: Added) -> float:
     """χ² that the window of the base's hypothesis takes off in another place, all that was fitted with it free."""
     change = response_instead(base, len(base.fitted.added) - 1, moved)
     return 0.0 if change is None else base.gain(change, 1.0, 1.0)[0]
+
+
+def _is_worse(base: Base, best: Added, name: str, error: float) -> bool:
+    """Whether an edge that is said to lie within an error is surely not as far away, by runs."""
+    if error < LOCAL * base.case.step:
+        return False
+    places = (best.values[name] - error, best.values[name] + error)
+    gains = [_instead(base, best.moved({name: max(place, 0.0)})) for place in places]
+    return max(gains) < _instead(base, best) - SURELY
 
 
 def _local_errors(base: Base, one: Added) -> dict[str, float] | None:
