@@ -234,7 +234,7 @@ def _at_ticks(base: Base, at: str, edge: tuple[float, float]) -> float:
     rows, port = way.every if way is not None and way.every > 1 else 0, find_port(loop, at)
     block = resolve(loop)[port.element].block
     if port.kind == "output" and isinstance(block, Sampled):
-        period, off = float(block.period), 0.5 * base.case.step * (1 + EVEN)
+        period, off = float(block.period), base.case.step * (1 + EVEN)
         rows = max(rows, round(period / base.case.step)) if abs(math.remainder(place, period)) <= off else rows
     return math.hypot(error, rows * base.case.step / math.sqrt(3))
 
