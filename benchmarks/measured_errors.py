@@ -46,7 +46,7 @@ class MeasuredSet:
 SETS = {
     "emps": MeasuredSet(
         "emps", "emps/*.csv", "position", 1e3, "mm",
-        "5.53 (linear) -> 2.64 mm (best), free run of another record; ours pieces of 1 s", rows=12420, every=5,
+        "5.53 (linear) -> 2.64 mm (best), free run of another record; ours pieces of 0.5 s", rows=12420, every=5,
     ),
     "silverbox": MeasuredSet(
         "silverbox", "silverbox/*.csv.gz", "output_voltage", 1e3, "mV",
