@@ -27,7 +27,7 @@ DelayRange = Annotated[
 ]
 Budget = Annotated[
     float | None,
-    typer.Option("--budget", metavar="SECONDS", min=1.0, help="No new search begins after this long."),
+    typer.Option("--budget", metavar="SECONDS", min=1.0, help="How long an answer may take; searches end in time."),
 ]
 Gate = Annotated[bool, typer.Option("--gate", help="Exit 1 where the verdict is bad.")]
 

@@ -15,9 +15,10 @@ from delaytools.diagnosis.added import Added, path_of
 from delaytools.diagnosis.screen import Base, response
 from delaytools.diagnosis.wires import Way, change_at, own_way
 
-__all__ = ["changed_at_port", "edge_beside", "edge_near"]
+__all__ = ["EDGES", "changed_at_port", "edge_beside", "edge_near"]
 
 Array = NDArray[np.float64]
+EDGES = ("start", "end")
 SMALL = 0.02
 NEARBY = 0.1  # of a window's length or of its answer: how far an edge moves about a fit, whose derivatives it changes
 FARTHEST = 1.0  # s from the place where it was taken to be

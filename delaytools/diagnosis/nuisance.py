@@ -14,7 +14,8 @@ __all__ = ["with_nuisance_of"]
 def with_nuisance_of(case: Case, fitted: Fitted) -> Case:
     """The case with the exits' response to each uncertain value of the segments that write its entries.
 
-    By this hypothesis: with values of the design, 3 % off, a lightly damped airframe answers out of step.
+    By this hypothesis: with values of the design, 3 % off, a lightly damped airframe answers out of step. A value whose
+    change makes a run end nowhere counts as known.
     """
     if not any(directions.size for moved in case.uncertain for directions in moved.values()):
         return case
@@ -27,6 +28,7 @@ def with_nuisance_of(case: Case, fitted: Fitted) -> Case:
             for rows in directions.T:
                 columns = {**record.columns, entry: record[entry] + rows}
                 shifted = case.stimuli_for(Record(record.time, columns, record.units, record.held), names)
-                changes.append(replay.run_driven(fitted.values, shifted) - base)
+                change = replay.run_driven(fitted.values, shifted) - base
+                changes.append(change if np.isfinite(change).all() else np.zeros_like(base))
         found.append(np.stack(changes, axis=2))
     return replace(case, nuisance=tuple(found))

@@ -22,7 +22,7 @@ from delaytools.diagnosis.upgrades import plainer, richer
 from delaytools.diagnosis.worth import NAMED, PART_OF_NOISE, objection
 from delaytools.signals.trouble import DelaytoolsError
 
-__all__ = ["Finding", "search"]
+__all__ = ["Finding", "most_of", "search"]
 
 Array = NDArray[np.float64]
 MOST, MOST_IN_PIECES = 3, 2  # effects of a segment; in real runs a third one takes what no catalogue holds

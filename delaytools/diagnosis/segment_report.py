@@ -19,6 +19,7 @@ from delaytools.diagnosis.answer import (
     Unexplained,
 )
 from delaytools.diagnosis.case import Case
+from delaytools.diagnosis.edges import EDGES
 from delaytools.diagnosis.fitting import STEPS, Fitted, at_values, fit_hypothesis, has_odd_rows
 from delaytools.diagnosis.heldout import PIECE, HeldOut, held_out, rms_band
 from delaytools.diagnosis.leftover import imitated, left_over, unexplained
@@ -32,7 +33,7 @@ from delaytools.diagnosis.noise import (
 )
 from delaytools.diagnosis.noise_of import references
 from delaytools.diagnosis.quantities import quantities
-from delaytools.diagnosis.search import PENALTY, Finding
+from delaytools.diagnosis.search import PENALTY, Finding, most_of
 from delaytools.diagnosis.upgrades import breaking_away_as_well
 from delaytools.diagnosis.worth import UNKNOWN, WORTHLESS
 from delaytools.signals.trouble import DelaytoolsError
@@ -41,7 +42,6 @@ __all__ = ["SegmentReport", "segment_report"]
 
 Array = NDArray[np.float64]
 ALIKE = 12.0  # χ² (values paid for) within which two effects explain the logs equally well
-EDGES = ("start", "end")
 
 
 @final
@@ -260,7 +260,10 @@ def _tolerated(case: Case, fitted: Fitted) -> dict[str, Quantity]:
 
 
 def _notes(found: Finding) -> tuple[str, ...]:
-    """What was refused although it pays."""
+    """What was refused although it pays, and where a search ends by its rule."""
+    if found.case.pieces and len(found.fitted.added) >= most_of(found.case):
+        most = f"{most_of(found.case)} effects at {found.case.exits[0]} are the most that a real run is given"
+        return (f"{most}: what is left is the model's error, and a further effect would imitate it",)
     if found.refused is None or found.refused[1] in (WORTHLESS, UNKNOWN):
         return ()
     one, why = found.refused

@@ -12,6 +12,7 @@ from delaytools.diagnosis.fitting import Fitted, fit_hypothesis
 from delaytools.diagnosis.screen import Base, base_of, response_instead
 from delaytools.diagnosis.swings import with_swing
 from delaytools.loop.port import find_port
+from delaytools.signals.trouble import DelaytoolsError
 
 __all__ = ["breaking_away_as_well", "plainer", "richer"]
 
@@ -69,7 +70,10 @@ def breaking_away_as_well(case: Case, fitted: Fitted, place: int) -> Fitted | No
     values = {"level": 0.9 * level, "stiction": 1.05 * CLEARLY * level, "smoothing": width}
     values["speed"] = 0.5 * (slowest + fastest)
     richer_one = Added("stribeck_friction", one.at, values, {}, frozenset(), limits, rank=one.rank)
-    return fit_hypothesis(case, (*fitted.added[:place], *fitted.added[place + 1 :], richer_one), near=fitted)
+    try:
+        return fit_hypothesis(case, (*fitted.added[:place], *fitted.added[place + 1 :], richer_one), near=fitted)
+    except (DelaytoolsError, np.linalg.LinAlgError):  # no run with it ends: no rival
+        return None
 
 
 def _breaking_away(base: Base, place: int, least: float) -> Added | None:

@@ -10,7 +10,7 @@ from scipy.optimize import minimize
 
 from delaytools.blocks.block import Sampled
 from delaytools.diagnosis.added import Added
-from delaytools.diagnosis.edges import changed_at_port, edge_beside, edge_near
+from delaytools.diagnosis.edges import EDGES, changed_at_port, edge_beside, edge_near
 from delaytools.diagnosis.places import Spot
 from delaytools.diagnosis.screen import Base, Screened, response, response_instead
 from delaytools.diagnosis.wires import Way
@@ -23,7 +23,6 @@ Array = NDArray[np.float64]
 SMALL = 0.02
 FIRST_MOVE, LAST_MOVE = 4.0, 0.02  # cells
 MOVES = ((1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (-1, -1), (1, -1), (-1, 1))
-EDGES = ("start", "end")
 PROBED, LOCAL = 4, 10  # rows by which an edge is moved to see what it does, and up to which that tells its error
 ROWS_APART, RUNS = 10.0, 80  # of the corners of a first simplex of edges, and how many of its places are tried
 SPIKES = 7
@@ -143,7 +142,7 @@ def with_edges_fitted(base: Base, one: Added) -> Screened:
     change = response(base, moved)
     gain, scale = (0.0, 1.0) if change is None else base.gain(change)
     found = moved.moved({"factor": 1 + scale * (one.values["factor"] - 1)})
-    errors = {name: _at_ticks(base, one.at, edge) for name, edge in (("start", start), ("end", end))}
+    errors = {name: _at_ticks(base, one.at, edge) for name, edge in zip(EDGES, (start, end), strict=True)}
     return Screened(replace(found, errors=errors), gain)
 
 

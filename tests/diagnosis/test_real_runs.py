@@ -11,6 +11,7 @@ from delaytools.diagnosis.noise_of import Carried, noise_of
 from delaytools.diagnosis.places import spots
 from delaytools.diagnosis.screen import base_of
 from delaytools.diagnosis.search import search
+from delaytools.diagnosis.segment_report import segment_report
 from delaytools.diagnosis.spectra import interferences
 from delaytools.signals.stimulus import Multisine
 from tests.diagnosis.small_cases import NOISE, SLIDE, fitted, planted
@@ -41,5 +42,6 @@ def test_a_real_run_is_given_two_effects_at_most() -> None:
         Added("constant_disturbance", "drive.v'", {"level": 2.0}),
         Added("cubic_stiffness", "drive.v'", {"coefficient": -40.0}),
     )
-    case = _in_pieces(planted(SLIDE, three, PUSH), 2000)
-    assert len(search(case, Carried({})).fitted.added) == 2
+    found = search(_in_pieces(planted(SLIDE, three, PUSH, seconds=4.0), 2000), Carried({}))
+    assert len(found.fitted.added) == 2
+    assert any("the most that a real run is given" in words for words in segment_report(found).notes)

@@ -1,35 +1,17 @@
 """EMPS with an effect that its user writes: the asymmetry that the publication names and no catalogue holds."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import final
 
-import casadi as ca
 import pytest
 
 from benchmarks.measured_errors import LOGS, SETS, diagnosed
 from delaytools.blocks.block import Scalar, value
 from delaytools.design.catalogue import with_effects
 from delaytools.effects.effect import Effect, Knowledge, Place, act_at
+from delaytools.effects.formula import FormulaForce
 from delaytools.loop.loop import Loop
-from delaytools.loop.modifier import FORCE, Modifier, StateView
-
-
-@final
-@dataclass(frozen=True, kw_only=True)
-class _PushOneWay(Modifier):
-    """v' = … + coefficient abs(v)."""
-
-    state: str
-    coefficient: Scalar = value(neutral=0.0)
-
-    stage = FORCE
-    sources = ()
-    amplitude_dependent = False
-
-    def modify(self, view: StateView) -> Mapping[str, Scalar]:
-        rate = view.states[self.state]
-        return {self.state: view.rates[self.state] + self.coefficient * ca.fabs(rate)}
+from delaytools.signals.expression import Expression
 
 
 @final
@@ -50,7 +32,9 @@ class AsymmetricDamping(Effect):
     )
 
     def apply(self, loop: Loop, place: Place) -> Loop:
-        return act_at(loop, place, _PushOneWay(state=place.port.name, coefficient=self.coefficient))
+        values = {"coefficient": self.coefficient}
+        force = FormulaForce(state=place.port.name, formula=Expression("coefficient*abs(v)"), parameters=values)
+        return act_at(loop, place, force)
 
 
 @pytest.mark.skipif(not LOGS.is_dir(), reason="the measured logs are not part of the project")
