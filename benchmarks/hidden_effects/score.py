@@ -23,6 +23,8 @@ class Verdict:
 
     right: all rules kept. named: exactly these effects at these signals. inside: every true effect named or in an
     equivalence set. covers: for every judged parameter of a named effect, whether the 95 % interval holds the truth.
+    sure: for every effect named as certain, whether it, its port and its source are right. found: for every true effect
+    of the catalogue, whether it is named or in an equivalence set. sets: sizes of these. cause: what was judged.
     """
 
     case: str
@@ -34,6 +36,10 @@ class Verdict:
     inside: bool
     set_size: int
     covers: tuple[bool, ...]
+    sure: tuple[bool, ...]
+    found: tuple[bool, ...]
+    sets: tuple[int, ...]
+    cause: str
     verdict: str
     seconds: float | None
     truth: str
@@ -55,6 +61,7 @@ def judge(answer: list, diagnosis: dict, log: Path | None = None) -> Verdict:
         expected = "missing" if truths else "adequate"
         right = named and verdict == expected and all(_numbers_right(t, m) for t, m in pairs)
     sets = list(diagnosis.get("confusable") or [])
+    found = () if unknown else tuple(_inside(t, missing, sets) for t in truths)
     return Verdict(
         case=str(case.get("case", log.parent.name if log else "")),
         kind=str(case.get("kind", "practice")),
@@ -62,9 +69,13 @@ def judge(answer: list, diagnosis: dict, log: Path | None = None) -> Verdict:
         right=right,
         named=named,
         certain=all(m.get("certain", True) for m in missing),
-        inside=named if unknown else all(_inside(t, missing, sets) for t in truths),
+        inside=named if unknown else all(found),
         set_size=max((len(s.get("members", ())) for s in sets), default=len(missing) and 1),
         covers=tuple(c for t, m in pairs for c in _covers(t, m)),
+        sure=tuple(_is_sited(m, pairs) for m in missing if m.get("certain", True)),
+        found=found,
+        sets=(*(len(s.get("members", ())) for s in sets), *(1 for m in missing if m.get("certain", True))),
+        cause="unknown" if unknown else "effects" if truths else "none",
         verdict=verdict,
         seconds=diagnosis.get("seconds"),
         truth="; ".join(_words(t["effect"], t["signal"], t["parameters"]) for t in truths) or "nothing",
@@ -85,7 +96,7 @@ def _with_context(index: int, entry: Mapping, case: Mapping) -> dict:
         full["signals"] = twins.get(entry["signal"], [entry["signal"]])
         return full
     truth = case["effects"][index]
-    full["signals"] = truth["signals"]
+    full |= {"signals": truth["signals"], "port": truth["port"], "source": truth["source"]}
     for name in entry["parameters"]:
         path = f"{truth['port']}.{name}"
         if entry["effect"].startswith("parameter_change") and path in case["stated"]:
@@ -106,6 +117,16 @@ def _pairs(truths: Sequence[Mapping], missing: Sequence[Mapping]) -> list[tuple[
             pairs.append((truth, found[0]))
             left.remove(found[0])
     return pairs
+
+
+def _is_sited(said: Mapping, pairs: Sequence[tuple[Mapping, Mapping]]) -> bool:
+    """Whether a named effect is a true one, at its port, or one at which it would do just the same, with its source."""
+    truth = next((t for t, m in pairs if m is said), None)
+    if truth is None:
+        return False
+    ports = (said.get("at"), *(said.get("also_at") or ()))
+    source = (said.get("settings") or {}).get("source")
+    return truth.get("port") in (None, *ports) and truth.get("source") in (None, source)
 
 
 def _inside(truth: Mapping, missing: Sequence[Mapping], sets: Sequence[Mapping]) -> bool:
@@ -177,6 +198,24 @@ def table(verdicts: Sequence[Verdict]) -> str:
     return "\n".join(lines)
 
 
+def summary(verdicts: Sequence[Verdict]) -> str:
+    """What the toolkit promises of its answers, each as a count."""
+    none = [v for v in verdicts if v.cause == "none"]
+    unknown = [v for v in verdicts if v.cause == "unknown"]
+    sets = [n for v in verdicts for n in v.sets]
+    sure, found, covers = ([x for v in verdicts for x in getattr(v, key)] for key in ("sure", "found", "covers"))
+    lines = [
+        ("named as certain: name, port and source right", sum(sure), len(sure)),
+        ("true effects named or in an equivalence set", sum(found), len(found)),
+        ("effect-free benches with an effect named", sum(v.said != "nothing" for v in none), len(none)),
+        ("benches outside the catalogue called unexplained", sum(v.right for v in unknown), len(unknown)),
+        ("95 % intervals that hold the truth", sum(covers), len(covers)),
+    ]
+    shown = [f"{words:50s} {count:4d} of {of:4d}  {100 * count / max(of, 1):5.1f} %" for words, count, of in lines]
+    size = f"median {median(sets):g}, largest {max(sets)}" if sets else "-"
+    return "\n".join([*shown, f"{'sizes of equivalence sets':50s} {size}"])
+
+
 def _head(first: str) -> str:
     return (
         f"{first:34s} {'n':>4s} {'right':>6s} {'named':>6s} {'inside':>6s} {'set':>5s} {'95 %':>6s} {'s':>7s}"
@@ -203,7 +242,7 @@ def print_tables(cases: Path, diagnoses: Path) -> None:
         if said.exists():
             answer = json.loads((folder / "answer.json").read_text(encoding="utf-8"))
             verdicts.append(judge(answer, json.loads(said.read_text(encoding="utf-8")), folder / "run.csv"))
-    print(table(verdicts))
+    print(table(verdicts), "", summary(verdicts), sep="\n")
 
 
 def main() -> None:

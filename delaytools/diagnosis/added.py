@@ -12,9 +12,10 @@ from delaytools.loop.loop import Loop
 from delaytools.loop.port import find_port
 from delaytools.signals.parameter import Parameter
 
-__all__ = ["Added", "is_added", "path_of", "places_in_file", "with_added"]
+__all__ = ["SEEN", "Added", "by_itself", "is_added", "path_of", "places_in_file", "with_added"]
 
 NUISANCE = ("smoothing",)
+SEEN = "@seen"  # behind a signal's name: the signal as measured, without its noise
 FIRST_NUMBER = 1000  # effects of a hypothesis are numbered from here, behind those of any design
 
 
@@ -26,7 +27,8 @@ class Added:
     kind: as a design file names it (`parameter_change:damping` included). at: port. values: name -> start.
     held: names among `values` that a fit leaves as they are. limits: bounds narrower than the catalogue's.
     errors: standard errors of held values that were found another way than by a fit. rank: its place among the effects
-    at its port, the least first along the signal; of equals the one that was found earlier.
+    at its port, the least first along the signal; of equals the one that was found earlier. along: state of its block,
+    and the measured signal along which the effect acts in its stead: a force may drive the model away by itself.
     """
 
     kind: str
@@ -37,6 +39,7 @@ class Added:
     limits: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     errors: Mapping[str, float] = field(default_factory=dict)
     rank: int = 0
+    along: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def free(self) -> tuple[str, ...]:
@@ -57,7 +60,7 @@ class Added:
     def shape(self) -> tuple[Any, ...]:
         """What tells two loops apart that hold it, whatever the values of a fit."""
         held = tuple(self.values[name] for name in self.held)
-        return self.key, self.rank, tuple(self.values), self.held, held
+        return self.key, self.rank, tuple(self.values), self.held, held, tuple(sorted(self.along.items()))
 
     @property
     def name(self) -> str:
@@ -113,7 +116,16 @@ def with_added(loop: Loop, added: tuple[Added, ...]) -> Loop:
     """The loop with these effects, numbered in order, each at its port behind those of lower rank."""
     for number, one in sorted(enumerate(added), key=lambda item: item[1].rank):
         loop = one.effect().apply(loop, Place(find_port(loop, one.at), one.name, path_of(number)))
+        if one.along:
+            host = loop[find_port(loop, one.at).element]
+            acting = replace(host.modifiers[-1], seen={s: f"{exit}{SEEN}" for s, exit in one.along.items()})
+            loop = loop.replaced(replace(host, modifiers=(*host.modifiers[:-1], acting)))
     return loop
+
+
+def by_itself(added: tuple[Added, ...]) -> tuple[Added, ...]:
+    """The effects as they act in a run of the model alone, along no measured motion."""
+    return tuple(replace(one, along={}) for one in added)
 
 
 def places_in_file(added: tuple[Added, ...]) -> tuple[int, ...]:

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from delaytools.blocks.block import flat_values
 from delaytools.blocks.equations import Equations
-from delaytools.diagnosis.added import Added, with_added
-from delaytools.diagnosis.noise import FEW_ODD, LARGEST, RESOLVED, RESOLVED_HELD, Whitening
+from delaytools.diagnosis.added import SEEN, Added, with_added
+from delaytools.diagnosis.noise import FEW_ODD, LARGEST, RESOLVED, RESOLVED_HELD, Whitening, wiener_part
 from delaytools.diagnosis.pieces import Begun, starts_shown
 from delaytools.estimation.noise_level import difference_noise
 from delaytools.loop.loop import Element, Loop
@@ -22,12 +22,13 @@ from delaytools.loop.values import value_paths, with_numbers
 from delaytools.signals.expression import Expression
 from delaytools.signals.parameter import Parameter
 from delaytools.signals.record import Record
-from delaytools.signals.stimulus import Stimulus, jumping
+from delaytools.signals.stimulus import Column, Stimulus, jumping
 from delaytools.simulation.replay import Begin, Replay, driven_by
 
-__all__ = ["Case", "Rows", "prepared_case"]
+__all__ = ["SURE", "Case", "Rows", "prepared_case"]
 
 Array = NDArray[np.float64]
+DIRECTIONS = 12  # of nuisance that a segment hands on
 SURE = 3.0  # standard errors that uncertain values of other segments are given: these were judged by another model
 
 
@@ -168,11 +169,12 @@ class Case:
         return self._stimuli(record, names)
 
     def _stimuli(self, record: Record, names: tuple[str, ...]) -> Mapping[str, Stimulus]:
-        from_log = {name: name.removesuffix("@read") for name in names}
+        from_log = {name: name.removesuffix("@read") for name in names if not name.endswith(SEEN)}
         found = driven_by(
             record, set(from_log.values()), at_rest=self.at_rest & record.held, smooth=self.smooth
         )
-        return {name: found[column] for name, column in from_log.items() if column in found}
+        seen = {name: _seen(record, name.removesuffix(SEEN)) for name in names if name.endswith(SEEN)}
+        return {**{name: found[column] for name, column in from_log.items() if column in found}, **seen}
 
     def outputs(self, added: tuple[Added, ...], values: tuple[float, ...]) -> tuple[Array, ...]:
         """Per log (n, exits): the model's exits for these values of `parameters(added)`.
@@ -238,6 +240,19 @@ class Case:
         square = rows.T @ rows + np.eye(rows.shape[1])
         weights = SURE * np.linalg.solve(square, rows.T @ self._filtered(residual))
         return tuple(r - n @ weights for r, n in zip(residual, self.nuisance, strict=True))
+
+    def nuisance_left(self) -> tuple[Array, ...]:
+        """Per log (n, exits, k): one standard error each of what the logs leave uncertain of the nuisance, the largest.
+
+        By the covariance of its weights after the logs: (I + RᵀR)⁻¹ with R the whitened nuisance.
+        """
+        if not self.nuisance:
+            return tuple(np.zeros((*m.shape, 0)) for m in self.measured)
+        rows = SURE * self._filtered(self.nuisance)
+        root = np.linalg.inv(np.linalg.cholesky(rows.T @ rows + np.eye(rows.shape[1]))).T
+        own = np.concatenate([one.reshape(-1, one.shape[2]) @ root for one in self.nuisance])
+        turned = np.linalg.svd(own, full_matrices=False)[2][:DIRECTIONS].T
+        return tuple(one @ (root @ turned) for one in self.nuisance)
 
     def _filtered(self, signals: tuple[Array, ...]) -> Array:
         pieces = self.pieces or tuple(((0, len(rows)),) for rows in signals)
@@ -328,6 +343,14 @@ def prepared_case(
     own = tuple(p for p in tolerated if p.path in known)
     measured = tuple(np.stack([r[exit] for exit in segment.exits], axis=1) for r in records)
     return Case(segment, records, measured, own, at_rest)
+
+
+def _seen(record: Record, exit: str) -> Stimulus:
+    """A measured exit without its noise."""
+    rows = record[exit]
+    noise = 0.0 if exit in record.held else difference_noise(rows)
+    rows = wiener_part(rows, noise) if noise > 0 else rows
+    return Column(time=record.time - record.time[0], values=rows, smooth=True)
 
 
 def _parameters_read(loop: Loop) -> set[str]:

@@ -38,7 +38,8 @@ class Fitted:
     @property
     def chi2(self) -> float:
         """Σ of the squared whitened residuals."""
-        return float(self.residual @ self.residual)
+        with np.errstate(over="ignore"):  # a run that ran away
+            return float(self.residual @ self.residual)
 
     @property
     def falling(self) -> float:

@@ -11,10 +11,12 @@ from delaytools.diagnosis.fitting import Fitted
 from delaytools.diagnosis.places import spots
 from delaytools.loop.port import Port, find_port
 
-__all__ = ["ahead_of_lattice", "lattice_step", "on_lattice", "quantisers_shown"]
+__all__ = ["ahead_of_lattice", "lattice_step", "on_lattice", "quantisers_shown", "step_through_noise"]
 
 Array = NDArray[np.float64]
 SAME = 1e-3  # of a step: nearer than this, two lattices are one
+NEAREST_STEPS, TURNS = 8, 3  # steps beside 0 that are told apart first, and times that they are counted again
+CLEAR = 0.15  # of a step: noise below it leaves no doubt which step a value belongs to
 
 
 def lattice_step(values: Array) -> float:
@@ -31,6 +33,29 @@ def lattice_step(values: Array) -> float:
     step = float(np.polyfit(counts, found, 1)[0])
     off = np.abs(found / step - np.round(found / step))
     return step if off.max() < 0.02 and np.ptp(found) / step < 2000 else 0.0
+
+
+def step_through_noise(values: Array, near: float) -> tuple[float, float] | None:
+    """The step of a lattice through 0 on which all values (n,) lie but for their noise, and its standard error.
+
+    near: the step, within a few percent. By least squares on the numbers of the steps, from the innermost on, since
+    these are told apart by a step that is a little off. None where the noise hides which step a value belongs to.
+    """
+    step, reach = near, NEAREST_STEPS
+    size = np.abs(values)
+    while True:
+        inside = values[size < (reach + 0.5) * step]
+        for _ in range(TURNS):
+            count = np.round(inside / step)
+            if not count.any():
+                return None
+            step = float(count @ inside / (count @ count))
+        if reach * step > size.max():
+            break
+        reach *= 2
+    count = np.round(values / step)
+    spread = float(np.std(values - step * count))
+    return (step, spread / float(np.sqrt(count @ count))) if spread < CLEAR * step else None
 
 
 def on_lattice(case: Case, port: Port) -> Added | None:

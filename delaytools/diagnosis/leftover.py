@@ -14,6 +14,7 @@ from delaytools.diagnosis.hint import hint
 from delaytools.diagnosis.lattices import on_lattice
 from delaytools.diagnosis.noise import without_odd_rows
 from delaytools.diagnosis.noise_of import features
+from delaytools.diagnosis.rounding import roundings
 from delaytools.diagnosis.search import MOST
 from delaytools.diagnosis.structure import Band, structured_bands
 from delaytools.diagnosis.unevenness import loudest
@@ -50,11 +51,12 @@ def _is_shown(case: Case, one: Added) -> bool:
 def unexplained(case: Case, fitted: Fitted, sent: tuple[Array, ...]) -> tuple[Unexplained, ...]:
     """Exits whose rest is no noise, each by the log in which it is the most."""
     outputs = case.outputs(fitted.added, fitted.values)
-    left, found = left_over(case, outputs), []
+    left, found, rounded = left_over(case, outputs), [], roundings(case, fitted)
     longest = max(map(len, left))
     logs = [log for log, rows in enumerate(left) if len(rows) > LONG * longest]
     for j, exit in enumerate(case.exits):
-        rests = (_looked_at(case, outputs, left[log][:, j], sent[j], (log, j)) for log in logs)
+        rows = {log: rounded.less_mean(left[log][:, j], exit, log) for log in logs}
+        rests = (_looked_at(case, outputs, rows[log], sent[j], (log, j)) for log in logs)
         worst = max(rests, key=lambda one: one.clear)
         if worst.is_structured:
             found.append(_told(case, exit, worst, hint(case, fitted, j)))

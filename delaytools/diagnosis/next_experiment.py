@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delaytools.design.inputs import Setting, stimulus
-from delaytools.diagnosis.added import path_of, with_added
+from delaytools.diagnosis.added import by_itself, path_of, with_added
 from delaytools.diagnosis.answer import NextExperiment
 from delaytools.diagnosis.case import Case
 from delaytools.diagnosis.deciding import inseparable, words
@@ -150,7 +150,7 @@ class _Bench:
 
     def _with_exits(self, driven: dict[str, Stimulus]) -> dict[str, Stimulus]:
         """With the columns of exits that the segment itself reads, as the best hypothesis would log them."""
-        loop = with_added(self.case.segment.loop, self.best.added)
+        loop = with_added(self.case.segment.loop, by_itself(self.best.added))
         reads = {reader(exit): exit for exit in self.case.exits}
         if not set(reads) & set(loop.externals):
             return driven
@@ -171,7 +171,7 @@ class _Bench:
         return {**driven, **own}
 
     def _replay(self, fitted: Fitted, driven: Mapping[str, Stimulus]) -> Replay:
-        return self._run_of(with_added(self.case.segment.loop, fitted.added), fitted, driven)
+        return self._run_of(with_added(self.case.segment.loop, by_itself(fitted.added)), fitted, driven)
 
     def _run_of(self, loop: Loop, fitted: Fitted, driven: Mapping[str, Stimulus]) -> Replay:
         free = tuple(p.path for p in fitted.parameters)

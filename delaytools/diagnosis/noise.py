@@ -22,6 +22,7 @@ __all__ = [
 
 Array = NDArray[np.float64]
 WINDOW = 1024  # rows of one piece of the averaged spectra
+AT_END = 13  # rows by which the end of a series is known
 ORDER = 12  # of the prediction-error filter
 MOST, BELOW = 0.95, 1.96  # share of |x| that lies below, x normal with standard deviation 1
 RESOLVED = 3e-5  # of a signal's rms: differences below it are the simulation's or the log's rounding
@@ -130,15 +131,24 @@ def whitening(frequency: Array, density: Array) -> Whitening:
 
 def wiener_part(remainder: Array, noise: float | Whitening, *, clearly: float = 3.0) -> Array:
     """What of a remainder (n,) stands clearly above the noise (white, or of a known spectrum), by a zero-phase
-    Wiener filter."""
+    Wiener filter; the remainder goes on beyond its ends by its image in each."""
     frequency, density = incoherent_spectrum(remainder, np.zeros((len(remainder), 0)))
     if isinstance(noise, Whitening):
         floor = np.interp(frequency, noise.frequency, noise.density)
     else:
         floor = np.full(len(frequency), noise**2)
     share = np.where(density > clearly * floor, 1 - floor / density, 0.0)
-    full = np.fft.rfftfreq(len(remainder))
-    return np.asarray(np.fft.irfft(np.fft.rfft(remainder) * np.interp(full, frequency, share), len(remainder)))
+    images = [2 * _at_the_end(rows) - rows[: 2 * WINDOW][:0:-1] for rows in (remainder, remainder[::-1])]
+    whole = np.concatenate([images[0], remainder, images[1][::-1]])
+    full = np.fft.rfftfreq(len(whole))
+    passed = np.fft.irfft(np.fft.rfft(whole) * np.interp(full, frequency, share), len(whole))
+    return np.asarray(passed[len(images[0]) : len(images[0]) + len(remainder)])
+
+
+def _at_the_end(rows: Array) -> float:
+    """The first of these rows (n,) without its noise: by a line through those beside it."""
+    near = rows[:AT_END]
+    return float(np.polynomial.polynomial.polyfit(np.arange(len(near)), near, min(1, len(near) - 1))[0])
 
 
 def without_odd_rows(rows: Array, *, least: float = 0.0) -> Array:

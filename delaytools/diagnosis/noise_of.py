@@ -7,6 +7,7 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import NDArray
 
+from delaytools.diagnosis.added import SEEN
 from delaytools.diagnosis.case import Case
 from delaytools.diagnosis.fitting import Fitted, has_odd_rows
 from delaytools.diagnosis.noise import (
@@ -62,7 +63,7 @@ def _bent(signals: Sequence[Array], rows: int) -> Array:
 @final
 @dataclass(frozen=True, eq=False)
 class Carried:
-    """What noise on the measured inputs of a segment sends to its exits.
+    """What noise on the measured inputs of a segment, and on the sources of its effects, sends to its exits.
 
     noises: of each input, a standard deviation where it is white, or a spectrum. seed: of the noise that is drawn.
     """
@@ -75,7 +76,8 @@ class Carried:
         """Per exit (n,), along the first log: the response of a hypothesis to a share of the noise.
 
         Through a quantiser that is no share of the response: a little noise moves a switching row by as much as it
-        is, and the jump there is the quantiser's whole step.
+        is, and the jump there is the quantiser's whole step. All noise counts of a source that was not cleaned, and of
+        a measured motion along which an effect acts: what was left out of it is what stands clear of its spectrum.
         """
         key = (share, fitted.values, *((one.shape, tuple(one.values.values())) for one in fitted.added))
         if key not in self._found:
@@ -84,17 +86,22 @@ class Carried:
         return self._found[key]
 
     def _response(self, case: Case, fitted: Fitted, share: float) -> tuple[Array, ...]:
-        named = {n: s for n, s in self.noises.items() if n in case.segment.entries}
+        sources = {one.fixed.get("source") for one in fitted.added}
+        named = {n: s for n, s in self.noises.items() if n in case.segment.entries or n in sources}
         noisy = {n: s for n, s in named.items() if isinstance(s, Whitening) or s > 0}
-        if not noisy:
-            return tuple(np.zeros(len(case.records[0])) for _ in case.exits)
         record = case.records[0]
         generator = np.random.default_rng(self.seed)
-        columns = {n: record[n] + share * _drawn(s, len(record), generator) for n, s in noisy.items()}
+        shares = {n: share if n in case.segment.entries or isinstance(s, Whitening) else 1.0 for n, s in noisy.items()}
+        columns = {n: shares[n] * _drawn(s, len(record), generator) for n, s in noisy.items()}
+        seen = sorted({exit for one in fitted.added for exit in one.along.values()})
+        columns |= {n: _drawn(column_noise(record[n], n in record.held), len(record), generator) for n in seen}
+        if not columns:
+            return tuple(np.zeros(len(record)) for _ in case.exits)
+        columns = {n: record[n] + noise for n, noise in columns.items()}
         moved = Record(record.time, {**record.columns, **columns}, record.units, record.held)
+        driven = case.stimuli_for(moved, (*noisy, *(f"{exit}{SEEN}" for exit in seen)))
         replay = case.replays(fitted.added)[0]
-        change = replay.run_driven(fitted.values, case.stimuli_for(moved, tuple(noisy))) - replay.run(fitted.values)
-        return tuple(change.T)
+        return tuple((replay.run_driven(fitted.values, driven) - replay.run(fitted.values)).T)
 
 
 def _drawn(noise: float | Whitening, rows: int, generator: np.random.Generator) -> Array:

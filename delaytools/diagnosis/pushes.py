@@ -5,6 +5,9 @@ the force would be another one. Along the measured motion it is the force that a
 as to any input.
 """
 
+from collections.abc import Sequence
+from dataclasses import replace
+
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +21,7 @@ from delaytools.loop.network import Leaves, network
 from delaytools.loop.port import Port, find_port
 from delaytools.loop.values import resolve
 
-__all__ = ["as_measured", "forces_on", "moves_as_measured"]
+__all__ = ["along_measured", "as_measured", "forces_on", "moves_as_measured"]
 
 Array = NDArray[np.float64]
 
@@ -61,7 +64,7 @@ def forces_on(view: View, one: Added) -> tuple[Array, ...] | None:
     shown = _shown(plain, view.case.exits, port.element)
     formula, names = _added_rate(plain[port.element], with_added(plain, (one,))[port.element], plain, port)
     symbols = ca.symvar(formula)
-    if any(s.name().startswith("state:") and s.name().removeprefix("state:") not in shown for s in symbols):
+    if not _states(symbols) <= set(shown):
         return None
     evaluate = ca.Function("added", symbols, [formula])
     found = []
@@ -77,6 +80,25 @@ def forces_on(view: View, one: Added) -> tuple[Array, ...] | None:
     return tuple(found)
 
 
+def along_measured(view: View, one: Added) -> Added | None:
+    """The effect acting along the measured motion; None where that is not measured, or says nothing of it.
+
+    A force that drives its segment away from where it was makes any run of the model alone run away, the true one, too.
+    """
+    port = find_port(view.loop, one.at)
+    if port.kind != "derivative" or "smoothing" in one.values:
+        return None
+    shown = _shown(view.loop, view.case.exits, port.element)
+    host = with_added(view.loop, (one,))[port.element]
+    needed = _states(ca.symvar(_added_rate(view.loop[port.element], host, view.loop, port)[0]))
+    return replace(one, along={state: shown[state] for state in needed}) if needed and needed <= set(shown) else None
+
+
+def _states(symbols: Sequence[ca.SX]) -> set[str]:
+    """Names of the states among the symbols of a rate."""
+    return {s.name().removeprefix("state:") for s in symbols if s.name().startswith("state:")}
+
+
 def _signal(view: View, name: str, log: int) -> Array:
     exits = view.case.exits
     return as_measured(view, name, log) if name in exits else view.signals[log][name]
@@ -85,7 +107,7 @@ def _signal(view: View, name: str, log: int) -> Array:
 def _added_rate(before: Element, after: Element, loop: Loop, port: Port) -> tuple[ca.SX, dict[str, str]]:
     """The derivative with the effect minus that without, and the signal of every symbol in it that is one."""
     names = {n for e in (before, after) for x in e.inputs.values() for n in x.names if n not in loop.parameters}
-    names |= {n for placed in after.modifiers for n in placed.sources}
+    names |= {n for placed in after.modifiers for n in placed.read}
     signals = {n: ca.SX.sym(f"signal:{n}") for n in sorted(names)}
     states = {(before.name, s): ca.SX.sym(f"state:{s}") for s in before.block.states}  # type: ignore[attr-defined]
     leaves = Leaves(ca.SX.sym("t"), states, {}, {}, {}, signals)

@@ -10,7 +10,7 @@ from scipy.signal import find_peaks
 
 from delaytools.diagnosis.added import Added
 from delaytools.diagnosis.case import Case
-from delaytools.diagnosis.lattices import on_lattice
+from delaytools.diagnosis.lattices import on_lattice, step_through_noise
 from delaytools.diagnosis.places import Spot
 from delaytools.diagnosis.screen import Base, Screened, response
 from delaytools.diagnosis.views import View
@@ -123,10 +123,16 @@ def _finer(base: Base, at: str, range_of: tuple[float, float], *, slowly: bool =
 
 
 def with_step_fitted(base: Base, one: Added) -> Screened:
-    """The quantiser with its step in the middle of where no row would be rounded otherwise."""
+    """The quantiser with its step as the log shows it through its noise, else in the middle of where no row would be
+    rounded otherwise."""
     found = Screened(one, _gain(base, one.at, one.values["step"]))
     if on_lattice(base.case, find_port(base.case.segment.loop, one.at)) is not None:
         return found
+    exit = base.case.exit_at(one.at)
+    column = np.concatenate([m[:, exit] for m in base.case.measured]) if exit is not None else np.zeros(0)
+    if len(column) and (known := step_through_noise(column, one.values["step"])) is not None:
+        shown = replace(one.moved({"step": known[0]}), errors={"step": max(known[1], FINEST * known[0])})
+        return Screened(shown, _gain(base, one.at, known[0]))
     way = base.way(one.at)
     while way is not None and way.is_quick and found.added.errors["step"] > FINEST * found.added.values["step"]:
         middle, width = found.added.values["step"], 2 * found.added.errors["step"]

@@ -7,10 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delaytools.diagnosis.added import Added, places_in_file
+from delaytools.diagnosis.attempts import MORE, QUICK, attempt, best_of_each, cost, fits, rubs_beside
 from delaytools.diagnosis.case import Case
 from delaytools.diagnosis.driving import nominal
 from delaytools.diagnosis.fitting import STEPS, TOLERANCE, Fitted, fit_hypothesis
-from delaytools.diagnosis.joint_start import making_room
 from delaytools.diagnosis.lattices import ahead_of_lattice, quantisers_shown
 from delaytools.diagnosis.noise_of import CLEANED, EXACT, Carried, column_noise, noise_of
 from delaytools.diagnosis.nuisance import with_nuisance_of
@@ -27,20 +27,13 @@ __all__ = ["Finding", "most_of", "search"]
 Array = NDArray[np.float64]
 MOST, MOST_IN_PIECES = 3, 2  # effects of a segment; in real runs a third one takes what no catalogue holds
 FINEST, RESOLVED = 8, 2.0  # times finer than usual steps at most, and χ² that half the step may still change
-QUICK = 1e-4
 CLEARER = 2  # times that edges, steps and periods are sought again through the noise that they leave
-FEW, MORE = 4, 10  # runs of a first fit that only ranks, and of one that is worth going on with
-HALF = 0.5  # of what the best took off: what took off less after a few runs is left
-ALWAYS, PROMISING = 4, 0.6  # candidates fitted in any case; others where they promise this part of what was found
-IN_PIECES = 0.3  # that part in real runs: far from the truth other values go far with an effect, unlike any profile
 REFITTED = 4  # candidates fitted again when the noise is known better
 NEAR, FARTHEST = 0.3, 400.0  # of the best one's χ², and χ²: how much worse they may be
 NEAREST, WORTH_MORE = 3, 0.1  # hypotheses whose richer forms are tried, and what these must take off, of their χ²
 AS_GOOD = 1.0  # χ² by which two places of one effect are as good
 CLOSE = 60.0  # χ²: a hypothesis worse by more is not fitted to the end, since nothing would make it as good
 LOUD = 5.0  # times the least noise that there can be: a residual above it is the missing effect's for the most part
-FRICTIONS = ("coulomb_friction", "stribeck_friction", "load_dependent_friction")
-FAR = 0.3  # of a design's value: where a fit has moved one further, it may stand in for the effect that is missing
 
 
 @final
@@ -174,24 +167,24 @@ def _step(case: Case, fitted: Fitted, carried: Carried) -> tuple[Fitted | None, 
     if case.pieces or _is_loud(case, fitted, carried):
         rough = case.roughly()
         base = _refit(rough, fitted) or fitted
-    found = sorted(proposals(rough, base), key=lambda one: not _rubs_beside(base, one.added))
+    found = sorted(proposals(rough, base), key=lambda one: not rubs_beside(base, one.added))
     more = richer(rough, base, least=0.5 * max((one.gain for one in found), default=0.0))
     ordered = [((*base.added, ahead_of_lattice(rough, base, one.added)), one.gain) for one in found]
-    tried = _fits(rough, base, [*((added, np.inf) for added in more), *ordered])
+    tried = fits(rough, base, [*((added, np.inf) for added in more), *ordered])
     if not tried:
         return None, [], case
     further = [
-        (added, np.inf) for one in tried[:NEAREST] if _cost(one) < (1 + NEAR) * _cost(tried[0])
+        (added, np.inf) for one in tried[:NEAREST] if cost(one) < (1 + NEAR) * cost(tried[0])
         for added in richer(rough, one, least=WORTH_MORE * one.chi2)
     ]  # fmt: skip
     if len(base.added) + 2 <= most_of(case):
         two = pairs(base_of(rough, base), found, least=base.chi2 - tried[0].chi2)
         further += [((*base.added, *both), gain) for both, gain in two]
-    tried = sorted([*tried, *_fits(rough, base, further, further=True)], key=_cost)
+    tried = sorted([*tried, *fits(rough, base, further, further=True)], key=cost)
     other = [(added, np.inf) for one in tried[:NEAREST] for added in (plainer(one), _ahead(one)) if added is not None]
-    changed = _fits(rough, base, other, further=True)
+    changed = fits(rough, base, other, further=True)
     swung = [(a, np.inf) for one in changed for a in richer(rough, one, least=WORTH_MORE * one.chi2)]
-    tried = sorted(_best_of_each([*tried, *changed, *_fits(rough, base, swung, further=True)]), key=_cost)
+    tried = sorted(best_of_each([*tried, *changed, *fits(rough, base, swung, further=True)]), key=cost)
     seen, again = _seen_through_the_best(case, rough, tried, carried)
     most = len(again[0].added)
     if most == len(base.added) + 2 and any(_spared(seen, again[0], most - k, carried) for k in (1, 2)):
@@ -214,14 +207,16 @@ def _seen_through_the_best(
 
 def _shown_first(case: Case, tried: list[Fitted]) -> list[Fitted]:
     """Hypotheses, cheapest first, but before all one that differs from the cheapest in nothing but the place of its
-    last effect, which is measured: behind a gain an offset is another one at every port, and each is as good."""
-    best = tried[0]
+    last effect, which is nearer to what is measured: behind a gain an offset is another one at every port, and each is
+    as good."""
+    best, far = tried[0], [case.segment.ahead_of_exit(one.added[-1].at) for one in tried]
+    nearest = 0
     for place, one in enumerate(tried):
         rest, last = [a.key for a in one.added[:-1]], one.added[-1]
         alike = rest == [a.key for a in best.added[:-1]] and last.kind == best.added[-1].kind
-        if alike and case.exit_at(last.at) is not None and _cost(one) < _cost(best) + AS_GOOD:
-            return [one, *tried[:place], *tried[place + 1 :]]
-    return tried
+        if alike and far[place] < far[nearest] and cost(one) < cost(best) + AS_GOOD:
+            nearest = place
+    return [tried[nearest], *tried[:nearest], *tried[nearest + 1 :]]
 
 
 def _ahead(fitted: Fitted) -> tuple[Added, ...] | None:
@@ -231,86 +226,18 @@ def _ahead(fitted: Fitted) -> tuple[Added, ...] | None:
     return None if least is None else (*rest, replace(last, rank=least - 1))
 
 
-def _rubs_beside(fitted: Fitted, one: Added) -> bool:
-    """Whether an effect is another friction where there is one: fitted alone, one takes the other's place.
-
-    What is then left promises little for the other, since the first must give way.
-    """
-    return one.kind in FRICTIONS and any(k.kind in FRICTIONS and k.at == one.at for k in fitted.added)
-
-
 def _again(case: Case, tried: list[Fitted], best: Fitted) -> list[Fitted]:
     """Hypotheses that may be as good as the best, cheapest first: fitted again roughly, the nearest to the end."""
     if case.is_late:
         return [one for one in (_refit(case, best),) if one is not None]
     near = [
         t for k, t in enumerate(tried)
-        if _cost(t) < _cost(best) + max((NEAR if k < 3 else 0.0) * best.chi2, FARTHEST)
+        if cost(t) < cost(best) + max((NEAR if k < 3 else 0.0) * best.chi2, FARTHEST)
     ][:REFITTED]  # fmt: skip
     rough = [f for t in near if (f := _refit(case, t, tolerance=QUICK, evaluations=MORE)) is not None]
-    least = min(map(_cost, rough), default=np.inf)
-    ends = [_refit(case, one) if _cost(one) < least + CLOSE else one for one in rough]
-    return sorted((one for one in ends if one is not None), key=_cost)
-
-
-def _fits(
-    case: Case,
-    fitted: Fitted,
-    hypotheses: list[tuple[tuple[Added, ...], float]],
-    *,
-    known: float = 0.0,
-    further: bool = False,
-) -> list[Fitted]:
-    """Each hypothesis fitted, with the χ² that it promised; those that promise far less than was found are left out,
-    or than the best promise: far from the truth all promises may be too low.
-
-    known: χ² that something else is known to take off. further: beside others; none, then, after the deadline.
-    """
-    if further and case.is_late:
-        return []
-    starts = _starts(case, fitted)
-    best = max((promised for _, promised in hypotheses), default=0.0)
-    part = IN_PIECES if case.pieces else PROMISING
-    tried: list[Fitted] = []
-    for place, (added, promised) in enumerate(hypotheses):
-        if case.is_late and tried:
-            break
-        found = max((fitted.chi2 - one.chi2 for one in tried), default=0.0)
-        if place < ALWAYS or promised >= part * min(found, best):
-            tried += [f for near in starts if (f := _attempt(case, added, near, FEW)) is not None]
-            room = making_room(base_of(case, fitted), added[-1]) if _rubs_beside(fitted, added[-1]) else None
-            if room is not None and (made := _attempt(case, *room, FEW)) is not None:
-                tried.append(made)
-    found = max((fitted.chi2 - one.chi2 for one in tried), default=0.0)
-    for place, one in enumerate(tried):
-        promised = fitted.chi2 - one.chi2 + one.falling
-        if not one.is_settled and promised >= HALF * max(found, known) and not case.is_late:
-            tried[place] = _attempt(case, one.added, one, MORE) or one
-    return sorted(_best_of_each(tried), key=_cost)
-
-
-def _attempt(case: Case, added: tuple[Added, ...], near: Fitted | None, evaluations: int) -> Fitted | None:
-    """A rough fit; None where it fails."""
-    try:
-        return fit_hypothesis(case, added, near=near, tolerance=QUICK, evaluations=evaluations)
-    except (DelaytoolsError, np.linalg.LinAlgError, ValueError):
-        return None
-
-
-def _starts(case: Case, fitted: Fitted) -> tuple[Fitted | None, ...]:
-    """Where fits begin: at the fitted values, and at the design's (None) where these have been left far behind."""
-    known = fitted.by_path
-    far = any(abs(known[p.path].value - p.value) > FAR * abs(p.value) for p in case.tolerated if p.path in known)
-    return (fitted, None) if far and not fitted.added else (fitted,)
-
-
-def _best_of_each(tried: list[Fitted]) -> list[Fitted]:
-    best: dict[object, Fitted] = {}
-    for one in tried:
-        key = tuple(sorted(str(added.key) for added in one.added))
-        if np.isfinite(one.chi2) and (key not in best or one.chi2 < best[key].chi2):
-            best[key] = one
-    return list(best.values())
+    least = min(map(cost, rough), default=np.inf)
+    ends = [_refit(case, one) if cost(one) < least + CLOSE else one for one in rough]
+    return sorted((one for one in ends if one is not None), key=cost)
 
 
 def _refit(
@@ -322,10 +249,6 @@ def _refit(
         return None
 
 
-def _cost(one: Fitted) -> float:
-    return one.chi2 + PENALTY * one.size
-
-
 def _swapped(
     case: Case, fitted: Fitted, rivals: list[list[Fitted]], carried: Carried
 ) -> tuple[Case, Fitted, list[list[Fitted]]]:
@@ -334,16 +257,16 @@ def _swapped(
         if case.is_late:
             break
         rest = tuple(one for k, one in enumerate(fitted.added) if k != place)
-        without = _attempt(case, rest, fitted, STEPS)
+        without = attempt(case, rest, fitted, STEPS)
         if without is None:  # unstable without it: nothing else can be tried in its place
             continue
         here = fitted.added[place].key
         found = [one for one in proposals(case, without)[:8] if one.added.key != here]
         hypotheses = [((*without.added, one.added), one.gain) for one in found]
-        tried = _fits(case, without, hypotheses, known=without.chi2 - fitted.chi2, further=True)
-        again = _again(case, tried, min(fitted, *tried, key=_cost)) if tried else []
+        tried = fits(case, without, hypotheses, known=without.chi2 - fitted.chi2, further=True)
+        again = _again(case, tried, min(fitted, *tried, key=cost)) if tried else []
         again = [one for one in again if _keys(one) != _keys(fitted)]  # a late search hands it back
-        if again and _cost(again[0]) < _cost(fitted) - 1.0:
+        if again and cost(again[0]) < cost(fitted) - 1.0:
             ordered = (*again[0].added[:place], again[0].added[-1], *again[0].added[place:-1])
             case, fitted = _rewhitened(case, replace(again[0], added=again[0].added), carried)
             fitted = fit_hypothesis(case, ordered, near=fitted)
@@ -359,9 +282,9 @@ def _beside_the_rest(case: Case, fitted: Fitted, place: int, rivals: list[Fitted
     for one in rivals:
         if _keys(one) == {*(a.key for a in others), one.added[-1].key}:
             found.append(one)
-        elif not case.is_late and (again := _attempt(case, (*others, one.added[-1]), fitted, STEPS)) is not None:
+        elif not case.is_late and (again := attempt(case, (*others, one.added[-1]), fitted, STEPS)) is not None:
             found.append(again)
-    return sorted(found, key=_cost)
+    return sorted(found, key=cost)
 
 
 def _keys(fitted: Fitted) -> set[object]:

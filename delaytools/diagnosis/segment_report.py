@@ -18,6 +18,7 @@ from delaytools.diagnosis.answer import (
     Step,
     Unexplained,
 )
+from delaytools.diagnosis.attempts import cost
 from delaytools.diagnosis.case import Case
 from delaytools.diagnosis.edges import EDGES
 from delaytools.diagnosis.fitting import STEPS, Fitted, at_values, fit_hypothesis, has_odd_rows
@@ -50,8 +51,8 @@ class SegmentReport:
     """Everything of one segment that an answer needs.
 
     steps: rungs of the ladder, each with the bands of its whitened rms.
-    outputs: per log (n, exits) of the fitted model. directions: per log (n, exits, k), one standard error of each
-    fitted value. noise: of each exit.
+    outputs: per log (n, exits) of the fitted model, with what uncertain columns most likely did. directions: per log
+    (n, exits, k), one standard error of each fitted value. noise: of each exit.
     """
 
     exits: tuple[str, ...]
@@ -84,10 +85,16 @@ def segment_report(found: Finding) -> SegmentReport:
     )
     missing = tuple(_missing(found, k, certain=not sets[k] and not left) for k in places_in_file(fitted.added))
     return SegmentReport(
-        case.exits, case.outputs(fitted.added, fitted.values), _directions(case, fitted, sets), case.whitening,
+        case.exits, _as_it_was(case, fitted), _directions(case, fitted, sets), case.whitening,
         missing, _ranking(found, null), confusable, _steps(found, adequate=not left), left, _tolerated(case, fitted),
         _notes(found), found.exhausted, _next(case, fitted, sets),
     )  # fmt: skip
+
+
+def _as_it_was(case: Case, fitted: Fitted) -> tuple[Array, ...]:
+    """Per log (n, exits): the exits without their noise, as far as the model goes."""
+    left = left_over(case, case.outputs(fitted.added, fitted.values))
+    return tuple(m - rows for m, rows in zip(case.measured, left, strict=True))
 
 
 def _next(case: Case, fitted: Fitted, sets: list[tuple[Fitted, ...]]) -> NextExperiment | None:
@@ -118,6 +125,8 @@ def _directions(case: Case, fitted: Fitted, sets: Sequence[tuple[Fitted, ...]] =
         others = case.outputs(one.added, one.values)
         changes = [(other - own)[:, :, None] for own, other in zip(outputs, others, strict=True)]
         found = [np.concatenate(both, axis=2) for both in zip(found, changes, strict=True)]
+    if any(one.along for one in fitted.added):
+        found = [np.concatenate(both, axis=2) for both in zip(found, case.nuisance_left(), strict=True)]
     return tuple(found)
 
 
@@ -129,7 +138,7 @@ def _moved_by(added: tuple[Added, ...], place: int, name: str, error: float) -> 
 def _alike(found: Finding, place: int) -> tuple[Fitted, ...]:
     """Rivals of an effect that explain the logs as well, of another kind than it."""
     mine = found.fitted.added[place]
-    best = _cost(found.fitted)
+    best = cost(found.fitted)
     members: dict[str, Fitted] = {}
     for one in found.rivals[place]:
         other = one.added[-1]
@@ -141,7 +150,7 @@ def _alike(found: Finding, place: int) -> tuple[Fitted, ...]:
             paid = gain + PENALTY * (one.size - found.fitted.size)
             alike = paid < max(ALIKE, _significant(len(mine_out.blocks)) * spread)
         else:
-            alike = _cost(one) - best < max(ALIKE, min(spread, 3 * ALIKE))
+            alike = cost(one) - best < max(ALIKE, min(spread, 3 * ALIKE))
         if alike:
             members.setdefault(other.kind, one)
     if mine.kind == "coulomb_friction" and not found.case.pieces and not found.case.is_late:
@@ -159,14 +168,10 @@ def _significant(blocks: int) -> float:
     return float(student.ppf(0.975, max(blocks - 1, 1)))
 
 
-def _cost(one: Fitted) -> float:
-    return one.chi2 + PENALTY * one.size
-
-
 def _missing(found: Finding, place: int, *, certain: bool) -> Missing:
     case, fitted = found.case, found.fitted
     one = fitted.added[place]
-    close = [r for r in found.rivals[place] if _cost(r) - _cost(fitted) < ALIKE]
+    close = [r for r in found.rivals[place] if cost(r) - cost(fitted) < ALIKE]
     same = [r.added[-1] for r in close if len(r.added) == len(fitted.added)]
     also = tuple(dict.fromkeys(o.at for o in same if o.kind == one.kind and o.at != one.at))
     settings = {**one.fixed, **{n: v for n, v in one.values.items() if n not in one.reported}}
@@ -260,11 +265,16 @@ def _tolerated(case: Case, fitted: Fitted) -> dict[str, Quantity]:
 
 
 def _notes(found: Finding) -> tuple[str, ...]:
-    """What was refused although it pays, and where a search ends by its rule."""
+    """What was refused although it pays, where a search ends by its rule, and what acts along the measured motion."""
+    words = [
+        f"{one.name} drives its block away: it is judged along the measured motion, since a run of the segment alone "
+        f"drifts off its log however right its values are"
+        for one in found.fitted.added if one.along
+    ]  # fmt: skip
     if found.case.pieces and len(found.fitted.added) >= most_of(found.case):
         most = f"{most_of(found.case)} effects at {found.case.exits[0]} are the most that a real run is given"
-        return (f"{most}: what is left is the model's error, and a further effect would imitate it",)
-    if found.refused is None or found.refused[1] in (WORTHLESS, UNKNOWN):
-        return ()
-    one, why = found.refused
-    return (f"{one.name} at {found.case.exits[0]} is {why}: not named",)
+        words.append(f"{most}: what is left is the model's error, and a further effect would imitate it")
+    elif found.refused is not None and found.refused[1] not in (WORTHLESS, UNKNOWN):
+        one, why = found.refused
+        words.append(f"{one.name} at {found.case.exits[0]} is {why}: not named")
+    return tuple(words)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from delaytools.blocks.block import CASADI, Continuous
 from delaytools.blocks.equations import Equations
 from delaytools.blocks.second_order import SecondOrder
-from delaytools.diagnosis.added import with_added
+from delaytools.diagnosis.added import SEEN, with_added
 from delaytools.diagnosis.case import Case
 from delaytools.diagnosis.fitting import Fitted
 from delaytools.loop.loop import Loop
@@ -168,7 +168,7 @@ def case_view(case: Case, fitted: Fitted) -> View:
     for replay, record in zip(case.replays(fitted.added), case.records, strict=True):
         whole = replace(replay, loop=_named(replay.loop), signals=names, _compiled={}, _parts={})
         rows = whole.run(fitted.values)
-        read = {name: record[name.removesuffix("@read")] for name in loop.externals if name.endswith("@read")}
+        read = {name: record[name.partition("@")[0]] for name in shown.externals if name.endswith(("@read", SEEN))}
         found.append({**record.columns, **read, **{name: rows[:, k] for k, name in enumerate(names)}})
     return View(case, shown, tuple(found))
 

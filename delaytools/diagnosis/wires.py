@@ -346,4 +346,4 @@ def _is_round(loop: Loop, port: Port) -> bool:
 
 def _read_by(element: Element) -> tuple[str, ...]:
     wired = [name for x in element.inputs.values() for name in x.names]
-    return (*wired, *(name for placed in element.modifiers for name in placed.sources))
+    return (*wired, *(name for placed in element.modifiers for name in placed.read))

@@ -17,18 +17,25 @@ __all__ = ["Element", "Loop", "Placed"]
 class Placed:
     """A modifier in its place; `path` is where its values stand in the design (`effects.0`).
 
-    instead: signal that the modifier asks for -> signal that it reads (where a loop is opened).
+    instead: signal that the modifier asks for -> signal that it reads (where a loop is opened). seen: state of its
+    block -> signal that it sees in that state's stead.
     """
 
     modifier: Modifier
     name: str
     path: str
     instead: Mapping[str, str] = field(default_factory=dict)
+    seen: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def sources(self) -> tuple[str, ...]:
-        """Signals that the modifier reads."""
+        """Signals that the modifier asks for, under the names of what it reads."""
         return tuple(self.instead.get(name, name) for name in self.modifier.sources)
+
+    @property
+    def read(self) -> tuple[str, ...]:
+        """Every signal that it reads."""
+        return (*self.sources, *self.seen.values())
 
 
 @final
@@ -93,7 +100,7 @@ class Loop:
             for expression in element.inputs.values():
                 found.update(dict.fromkeys(n for n in expression.names if n not in self.parameters))
             for placed in element.modifiers:
-                found.update(dict.fromkeys(placed.sources))
+                found.update(dict.fromkeys(placed.read))
         return tuple(found)
 
     @property

@@ -143,7 +143,8 @@ class Network:
             load = loads.get(modifier.state, rates[modifier.state])
             sources = tuple(known[name] for name in placed.sources)
             position = position_of(block, modifier.state)
-            rates |= modifier.modify(StateView(leaves.t, states, rates, position, load, sources))
+            here = states | {state: known[signal] for state, signal in placed.seen.items()}
+            rates |= modifier.modify(StateView(leaves.t, here, rates, position, load, sources))
         return rates
 
 

@@ -40,6 +40,17 @@ class Segment:
         """Names of the design's blocks in it, effects left out."""
         return tuple(element.name for element in self.loop.elements if "@" not in element.name)
 
+    def ahead_of_exit(self, at: str) -> float:
+        """How far a port, or a block, is ahead of the nearest exit: blocks between, and a half more inside a block."""
+        name, _, port = at.partition(".")
+        writers, blocks = self.loop.writers, 0
+        level, seen = {writers[exit][0] for exit in self.exits}, set[str]()
+        while level and name not in level:
+            seen |= level
+            read = (signal for one in level for signal in _reads(self.loop[one], self.loop))
+            level, blocks = {writers[signal][0] for signal in read if signal in writers} - seen, blocks + 1
+        return blocks + (0.0 if port in self.loop[name].outputs else 0.5)
+
     def holds(self, port: Port) -> bool:
         """Whether the port's block lies in this segment."""
         return port.element in self.blocks
@@ -89,7 +100,7 @@ def _reads(element: Element, loop: Loop) -> Iterable[str]:
     for expression in element.inputs.values():
         yield from (name for name in expression.names if name not in loop.parameters)
     for placed in element.modifiers:
-        yield from placed.sources
+        yield from placed.read
 
 
 def _segment(loop: Loop, exits: list[str], names: set[str]) -> Segment:
