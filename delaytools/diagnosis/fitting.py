@@ -17,6 +17,7 @@ __all__ = ["STEPS", "TOLERANCE", "Fitted", "at_values", "fit_hypothesis", "has_o
 Array = NDArray[np.float64]
 TOLERANCE = 1e-7
 ROUGH = 1e-5
+STOPPED = 1e-3  # of the range between its bounds, from either: there a value is taken to be stopped
 STEPS = 24  # evaluations of a fit
 
 
@@ -42,10 +43,16 @@ class Fitted:
             return float(self.residual @ self.residual)
 
     @property
+    def inside(self) -> NDArray[np.bool_]:
+        """(free,) whether a value is inside its bounds: one that is stopped, or nearly, imitates nothing further."""
+        ends = [min(p.value - p.low, p.high - p.value) for p in self.parameters]
+        spans = [p.high - p.low if np.isfinite(p.high - p.low) else 0.0 for p in self.parameters]
+        return np.array([end > STOPPED * span for end, span in zip(ends, spans, strict=True)], dtype=bool)
+
+    @property
     def falling(self) -> float:
         """χ² that one more step would take off, were the residual linear in the values."""
-        free = np.array([not p.at_boundary for p in self.parameters], dtype=bool)
-        slopes = self.jacobian[:, free]
+        slopes = self.jacobian[:, self.inside]
         norms = np.linalg.norm(slopes, axis=0)
         basis = np.linalg.qr(slopes[:, norms > 0] / norms[norms > 0])[0]
         return float(np.sum((basis.T @ self.residual) ** 2))

@@ -90,8 +90,7 @@ def held_out(fitted: Fitted, rows: Rows) -> HeldOut:
     residual = fitted.residual.copy()
     slopes = fitted.jacobian
     useful = np.abs(slopes).max(axis=0, initial=0.0) > 0
-    inside = np.array([not p.at_boundary for p in fitted.parameters], dtype=bool)
-    J = slopes[:, useful & inside] if len(inside) else slopes
+    J = slopes[:, useful & fitted.inside] if fitted.parameters else slopes
     if J.shape[1]:
         J = J / np.linalg.norm(J, axis=0)
         first = _telling_folds(rows, J)

@@ -9,6 +9,7 @@ from typing import final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import lsq_linear
 
 from delaytools.diagnosis.added import Added, path_of
 from delaytools.diagnosis.case import Case
@@ -28,6 +29,7 @@ STIFFEST = 10.0  # level over smoothing, in 1/row, beyond which friction is not 
 STEPWISE = ("period",)  # values that change nothing between rows
 CLOSER, HALVINGS = 0.1, 3  # of the best worth that is looked at more closely, and how often
 NEARBY = 0.01  # of a block's value: a step from which what is off by far less than a grid's is found along a line
+TELLING, RIDGE = 1e-6, 1e-9  # of a stopped value's response that inner values leave, and of a Gram matrix of norm 1
 STRETCH = (0.4, 2.5)  # by which a grid point's response may be scaled when its gain is judged
 
 
@@ -43,13 +45,18 @@ class Screened:
 @final
 @dataclass(frozen=True, eq=False)
 class Base:
-    """A fitted hypothesis as seen by candidates: its residual with all that its free values can do projected out."""
+    """A fitted hypothesis as seen by candidates: its residual with all that its free values can do projected out.
+
+    basis (rows, k), orthonormal, of the values inside their bounds. stopped (rows, m): how the exits move, by the rest
+    of that, where a value that its bound stopped moves inside, each of norm 1.
+    """
 
     case: Case
     fitted: Fitted
     outputs: tuple[Array, ...]
     basis: Array
     residual: Array
+    stopped: Array
     _ways: dict[str, Way | None] = field(default_factory=dict, repr=False)
 
     @cached_property
@@ -80,25 +87,48 @@ class Base:
         return rows - self.basis @ (self.basis.T @ rows)
 
     def gain(self, change: Array, low: float = -np.inf, high: float = np.inf) -> tuple[float, float]:
-        """χ² that a whitened change of the outputs takes off at its best scale within [low, high], and that scale."""
+        """χ² that a whitened change of the outputs takes off at its best scale within [low, high], and that scale.
+
+        Beside it a value that its bound stopped may move back inside, and no further out.
+        """
         own = self.projected(change)
         power = float(own @ own)
         if not np.isfinite(power) or power <= 1e-12 * float(change @ change) or power <= 0:
             return 0.0, 0.0
+        if self.stopped.shape[1]:
+            size = np.sqrt(power)
+            columns = np.concatenate([own[:, None] / size, self.stopped], axis=1)
+            inward = self.stopped.shape[1]
+            ends = ([low * size, *[0.0] * inward], [high * size, *[np.inf] * inward])
+            square, along = columns.T @ columns, columns.T @ self.residual
+            root = np.linalg.cholesky(square + RIDGE * np.eye(len(square)))
+            best = lsq_linear(root.T, np.linalg.solve(root, along), ends).x
+            return float(2 * best @ along - best @ square @ best), float(best[0] / size)
         scale = float(np.clip(float(own @ self.residual) / power, low, high))
         return 2 * scale * float(own @ self.residual) - scale**2 * power, scale
 
 
 def base_of(case: Case, fitted: Fitted) -> Base:
     """The base of a fitted hypothesis; a value that its bound stops can imitate nothing further that way."""
-    inside = np.array([not p.at_boundary for p in fitted.parameters], dtype=bool)
-    columns = fitted.jacobian[:, inside & (np.abs(fitted.jacobian).max(axis=0, initial=0.0) > 0)]
+    columns = fitted.jacobian[:, fitted.inside & (np.abs(fitted.jacobian).max(axis=0, initial=0.0) > 0)]
     scaled = columns / np.linalg.norm(columns, axis=0) if columns.size else columns
     basis, triangle = np.linalg.qr(scaled) if columns.size else (np.zeros((len(fitted.residual), 0)), scaled)
     if columns.size:
         basis = basis[:, np.abs(np.diag(triangle)) > 1e-7]
     residual = fitted.residual - basis @ (basis.T @ fitted.residual)
-    return Base(case, fitted, case.outputs(fitted.added, fitted.values), basis, residual)
+    outputs = case.outputs(fitted.added, fitted.values)
+    return Base(case, fitted, outputs, basis, residual, _stopped(fitted, basis))
+
+
+def _stopped(fitted: Fitted, basis: Array) -> Array:
+    """(rows, m): how the exits move where each stopped value moves inside, less what inner values can do, of norm 1."""
+    ends = [p for p, inside in zip(fitted.parameters, fitted.inside, strict=True) if not inside]
+    inward = np.array([-1.0 if p.value - p.low < p.high - p.value else 1.0 for p in ends])
+    moved = fitted.jacobian[:, ~fitted.inside] * inward if ends else np.zeros((len(fitted.residual), 0))
+    own = moved - basis @ (basis.T @ moved)
+    norms = np.linalg.norm(own, axis=0)
+    useful = norms > TELLING * np.maximum(np.linalg.norm(moved, axis=0), 1e-300)
+    return np.asarray(own[:, useful] / norms[useful])
 
 
 def response(base: Base, one: Added) -> Array | None:

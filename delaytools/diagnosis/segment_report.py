@@ -83,7 +83,8 @@ def segment_report(found: Finding) -> SegmentReport:
         for place, members in enumerate(sets)
         if members
     )
-    missing = tuple(_missing(found, k, certain=not sets[k] and not left) for k in places_in_file(fitted.added))
+    certain = [not (members or left or found.exhausted) for members in sets]
+    missing = tuple(_missing(found, k, certain=certain[k]) for k in places_in_file(fitted.added))
     return SegmentReport(
         case.exits, _as_it_was(case, fitted), _directions(case, fitted, sets), case.whitening,
         missing, _ranking(found, null), confusable, _steps(found, adequate=not left), left, _tolerated(case, fitted),

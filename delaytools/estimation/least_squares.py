@@ -172,6 +172,9 @@ def _record(
     with np.errstate(invalid="ignore"):
         correlation[np.ix_(places, places)] = spread[0] / np.outer(root, root)
     ends = [start[i].path for i, within in zip(free, inside, strict=True) if not within]
+    x = x.copy()
+    for i in (i for i, within in zip(free, inside, strict=True) if not within):
+        x[i] = min(start[i].low, start[i].high, key=lambda end, at=float(x[i]): abs(end - at))
     parameters = tuple(
         replace(p, value=float(np.clip(value, p.low, p.high)), std=float(s))
         for p, value, s in zip(start, x, std, strict=True)
