@@ -1,6 +1,6 @@
 """Quantisers: their cost is no smooth function of the step, so that steps are tried, from coarse to exact."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -26,11 +26,13 @@ EXCESS = 1.05  # of the noise: a residual below it is not worth a search for qua
 FINEST = 1e-7  # of a step: how well it is to be known
 AROUND = 0.03  # of the best step: where a better one may lie
 LEAST = 0.05  # of the step whose white rounding would leave the residual, of which noise may be the most
-TRIED, TRIED_SLOWLY = 30, 4  # steps whose change is sent through the segment, by convolution and by runs
-FINE, COARSEST = 0.05, 2.0  # of a signal's spread: the rounding of a finer step is white; no step is coarser
+TRIED, TRIED_SLOWLY, SURER = 80, 2, 100.0  # steps sent through the segment by convolution and by runs; times the noise
+FINE, COARSEST = 0.05, 2.0  # of a signal's spread: the rounding of a finer step is white; of its peak: none is coarser
 NEAREST, FARTHEST = 0.08, 0.03  # between coarse steps, relative: of the step over the spread, and at most
 HARMONICS, CELLS = 3, 8  # of a rounding's pattern over its signal, and cells for a period of the last
-FINER, MOST_CELLS = 4, 2**20  # frequencies for one period in the signal's range, and cells at most
+MOSTLY, NEARLY = 0.8, 0.35  # of the residual that a step takes off, and of that what a step by chance takes off at most
+MUCH = 1.5  # times the noise: a residual that is still far from explained
+FINER, MOST_CELLS = 16, 2**18  # frequencies for one period in the signal's range, and cells at most
 AS_GOOD, HALVED = 4.0, 6  # χ² by which a step may be worse, and how often its edge is halved
 
 
@@ -63,23 +65,55 @@ def _best_step(base: Base, spot: Spot, signals: tuple[Array, ...]) -> Screened |
     if not 0 < size < np.inf:
         return None
     rows, count = (signals, way.weights(base.residual)), TRIED if way.is_quick else TRIED_SLOWLY
-    tried = _fine_steps(rows, (LEAST * size, FINE * spread), count)
+    changes = (rows[1], _estimated(way, rows[1], size))
+    tried = [s for one in changes for s in _fine_steps((signals, one), (LEAST * size, FINE * spread), count)]
     exactly = way.is_quick and shown is None
-    coarse = _coarse_steps(spread)
+    coarse = _coarse_steps(spread, max(float(np.abs(u).max()) for u in signals))
     promised = np.array([_score(base, at, s) if exactly else _promised(s, way, *rows) for s in coarse])
     tried += [float(coarse[k]) for k in np.argsort(promised)[::-1][:count] if promised[k] > 0]
     scores = {step: _score(base, at, step) for step in tried}
     top = max(scores, key=scores.__getitem__, default=0.0)
     if scores.get(top, 0.0) <= 0:
         return None
-    return _finer(base, at, (top, AROUND * top), slowly=not way.is_quick)
+    found = _finer(base, at, (top, AROUND * top), slowly=not way.is_quick)
+    return None if shown is None and _is_chance(base, found, scores) else found
+
+
+def _is_chance(base: Base, found: Screened, scores: Mapping[float, float]) -> bool:
+    """Whether another step, far from this one, takes nearly as much off where either leaves much.
+
+    What an integrating segment makes of rounding wanders, and among so many steps one wanders as any slow residual
+    does: a true step stands out. Multiples share its pattern.
+    """
+    step = found.added.values["step"]
+    power, rows = float(base.residual @ base.residual), len(base.residual)
+    if power - found.gain < max(MUCH * rows, (1 - MOSTLY) * power):
+        return False
+    ratios = {other: max(other / step, step / other) for other in scores}
+    others = [one for one, ratio in ratios.items() if abs(ratio / np.round(ratio) - 1) > AROUND and scores[one] > 0]
+    if not others:
+        return False
+    rival = max(others, key=scores.__getitem__)
+    way = base.way(found.added.at)
+    slowly = way is None or not way.is_quick
+    return _finer(base, found.added.at, (rival, AROUND * rival), slowly=slowly).gain > NEARLY * found.gain
+
+
+def _estimated(way: Way, weights: tuple[Array, ...], size: float) -> tuple[Array, ...]:
+    """Per log (n,): the change at the port, white and of a step of this size, that the residual shows (Wiener 1949).
+
+    Weighted as the exits answer, what a segment integrates would go with its slowest part alone, as any step's does.
+    """
+    power = SURER * 12 / size**2
+    pairs = zip(weights, way.gains, strict=True)
+    return tuple(way.read(np.fft.irfft(np.fft.rfft(w) / (gain + power), len(w))) for w, gain in pairs)
 
 
 def _fine_steps(
     rows: tuple[tuple[Array, ...], tuple[Array, ...]], within: tuple[float, float], count: int
 ) -> list[float]:
-    """Steps within these limits whose rounding goes best with the residual; rows: signals at the port, and weights of
-    a change there.
+    """Steps within these limits whose rounding goes best with a change at the port, in all and for its size; rows:
+    signals there, and that change.
 
     What rounding adds to u is step Σ (-1)^k sin(2πk u/step)/(πk), so that its sum with the weights follows for all
     steps at once from the Fourier transform of the weights over the values of u. By chance it grows as the step.
@@ -99,13 +133,15 @@ def _fine_steps(
     steps = 1 / per_unit[chosen]
     along = sum((-1) ** k / (np.pi * k) * sums[k * chosen] for k in range(1, HARMONICS + 1))
     peaks = find_peaks(along, height=0.0)[0]
-    return [float(steps[k]) for k in peaks[np.argsort(along[peaks])[::-1][:count]]]
+    best = [peaks[np.argsort(worth[peaks])[::-1][:count]] for worth in (along, along * steps)]
+    return [float(steps[k]) for k in dict.fromkeys(np.concatenate(best).tolist())]
 
 
-def _coarse_steps(spread: float) -> Array:
-    """Steps too coarse for their rounding to be white, as far apart as it keeps its pattern."""
+def _coarse_steps(spread: float, peak: float) -> Array:
+    """Steps too coarse for their rounding to be white, as far apart as it keeps its pattern; beyond the last one all is
+    rounded to nothing."""
     found = [FINE * spread]
-    while found[-1] < COARSEST * spread:
+    while found[-1] < COARSEST * peak:
         found.append(found[-1] * (1 + min(NEAREST * found[-1] / spread, FARTHEST)))
     return np.array(found)
 
