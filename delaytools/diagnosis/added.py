@@ -1,5 +1,6 @@
 """An effect that a hypothesis adds to a segment: its kind, its port, the values that a fit moves."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, final
@@ -16,6 +17,7 @@ __all__ = ["SEEN", "Added", "by_itself", "is_added", "path_of", "places_in_file"
 
 NUISANCE = ("smoothing",)
 SEEN = "@seen"  # behind a signal's name: the signal as measured, without its noise
+DULL = 0.99  # of the most damping that a mode may have
 FIRST_NUMBER = 1000  # effects of a hypothesis are numbered from here, behind those of any design
 
 
@@ -66,6 +68,12 @@ class Added:
     def name(self) -> str:
         """TYPE@PORT."""
         return f"{self.kind}@{self.at}"
+
+    @property
+    def is_dull(self) -> bool:
+        """Whether it is a lightly damped mode, damped up to where one is sought: any slow answer is like that."""
+        most = self.limits.get("damping", (0.0, math.inf))[1]
+        return self.kind == "flexible_mode" and self.values["damping"] > DULL * most
 
     def moved(self, values: Mapping[str, float]) -> "Added":
         """The same effect with other values."""

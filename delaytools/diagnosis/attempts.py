@@ -31,7 +31,7 @@ def fits(
     further: bool = False,
 ) -> list[Fitted]:
     """Each hypothesis fitted, with the χ² that it promised; those that promise far less than was found are left out,
-    or than the best promise: far from the truth all promises may be too low.
+    or than the best promise: far from the truth all promises may be too low. A mode that comes out dull is none.
 
     known: χ² that something else is known to take off. further: beside others; none, then, after the deadline.
     """
@@ -59,7 +59,7 @@ def fits(
         promised = fitted.chi2 - one.chi2 + one.falling
         if not one.is_settled and promised >= HALF * max(found, known) and not case.is_late:
             tried[place] = attempt(case, one.added, one, MORE) or one
-    return sorted(best_of_each(tried), key=cost)
+    return sorted((one for one in best_of_each(tried) if not one.added[-1].is_dull), key=cost)
 
 
 def _along_measured(case: Case, fitted: Fitted, added: tuple[Added, ...]) -> list[Fitted]:

@@ -33,8 +33,12 @@ WINDOW = "transient_gain"  # two of them can follow whatever depends on how much
 
 
 def imitated(case: Case, fitted: Fitted) -> tuple[Unexplained, ...]:
-    """Sets of effects that explain everything by their number alone: such sets imitate an unknown effect well."""
-    generic = {one.fixed.get("source") for one in fitted.added if "source" in one.fixed}
+    """Sets of effects that explain everything by their number alone, and a mode that is none: both imitate an unknown
+    effect well."""
+    if (dull := next((one for one in fitted.added if one.is_dull), None)) is not None:
+        words = f"{dull.name} is damped as much as a mode may be here: it may imitate what is not in the catalogue"
+        return (Unexplained(case.exits[0], 0.0, (), words),)
+    generic = [one for one in fitted.added if "source" in one.fixed]
     windows = [one for one in fitted.added if one.kind == WINDOW]
     count = sum(not _is_shown(case, one) for one in fitted.added)
     if count < MOST and len(generic) < 2 and len(windows) < 2:

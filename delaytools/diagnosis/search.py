@@ -252,9 +252,14 @@ def _refit(
 def _swapped(
     case: Case, fitted: Fitted, rivals: list[list[Fitted]], carried: Carried
 ) -> tuple[Case, Fitted, list[list[Fitted]]]:
-    """Every effect taken out in turn and everything tried in its place; what fits better stays."""
-    for place in range(len(fitted.added) - 1):  # what stands in the last one's place was tried when it was added
-        if case.is_late:
+    """Every effect taken out in turn and everything tried in its place; what fits better stays.
+
+    In the last one's place everything was tried when it was added: again only in other company.
+    """
+    company = {one.key for one in fitted.added[:-1]}
+    for place in range(len(fitted.added)):
+        last = place == len(fitted.added) - 1
+        if case.is_late or (last and {one.key for one in fitted.added[:-1]} == company):
             break
         rest = tuple(one for k, one in enumerate(fitted.added) if k != place)
         without = attempt(case, rest, fitted, STEPS)
