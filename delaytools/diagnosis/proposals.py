@@ -111,9 +111,11 @@ def is_sharpened(fitted: Fitted) -> bool:
 def sharpened_again(case: Case, fitted: Fitted) -> Fitted:
     """The hypothesis with what no derivative fits of its last effect sought again beside the values fitted with it.
 
-    In turn with these, until neither moves: a step and a natural frequency may go far together.
+    In turn with these, until neither moves, or time is up: a step and a natural frequency may go far together.
     """
     for _ in range(TURNS if is_sharpened(fitted) else 0):
+        if case.is_late:
+            break
         *rest, one = fitted.added
         found = edges_beside(base_of(case, fitted)) if one.kind == "transient_gain" else None
         if found is None:

@@ -254,7 +254,7 @@ def _by_rows(base: Base, way: Way, one: Added, edges: Array) -> list[tuple[float
 def _pattern_search(base: Base, one: Added, begin: tuple[float, Array]) -> Array:
     """The best edges from four cells down to a fiftieth of one: the cost has kinks where an edge crosses a row."""
     (best, edges), step = begin, FIRST_MOVE * base.case.duration / CELLS
-    while step > LAST_MOVE * base.case.duration / CELLS:
+    while step > LAST_MOVE * base.case.duration / CELLS and not base.case.is_late:
         moves = [edges + step * np.array(move) for move in MOVES]
         tried = [(_taken_off(base, one, place), place) for place in moves]
         top, place = max(tried, key=lambda pair: pair[0])

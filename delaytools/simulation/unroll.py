@@ -34,6 +34,7 @@ __all__ = [
 
 Array = NDArray[np.float64]
 ITERATIONS = 3
+CAUGHT = 3.0  # times what is left of a span: a ramp at its start that goes beyond by this much ends within it
 INSIDE = 1e-11  # s by which the ends of a span see the time inside it, so that a jump stays on its own side
 
 
@@ -240,7 +241,7 @@ def walk_spans(
 def _one_span(stepper: Stepper, walk: Walk, plan: Plan, i: int, now: tuple[Any, Any, list[Any], Any]) -> None:
     h, t, e, d0 = now
     count = len(stepper.physics.layout.transports)
-    begin = _entry(stepper, walk, d0, (e[0], e[3]), (t, 0.0, h)) if count else []
+    begin = _begin(stepper, walk, d0, (e[0], e[3]), (t, h)) if count else []
     guess = [ca.vertcat(a, da, a + da, da) for a, da in begin]
     rounds = ITERATIONS + 1 if plan.looks_inside(i) else 1
     for _ in range(rounds):
@@ -258,7 +259,8 @@ def _one_span(stepper: Stepper, walk: Walk, plan: Plan, i: int, now: tuple[Any, 
         if count:
             after = Walk(x, walk.v, None, walk.w, [], [])
             end = _entry(stepper, after, d2, (e[2], e[4]), (t + h - INSIDE, h, h))
-            guess = [ca.vertcat(*first, *last) for first, last in zip(begin, end, strict=True)]
+            follows = bool(stepper.physics.layout.followers)
+            guess = [_piece(first, last, follows) for first, last in zip(begin, end, strict=True)]
     walk.x, walk.w = ended.x, ended.w
     for pieces, piece in zip(walk.history, guess, strict=True):
         pieces.append(piece)
@@ -273,6 +275,38 @@ def _delayed(plan: Plan, i: int, stage: int, walk: Walk) -> tuple[Any, Any]:
         return ca.SX(0, 1), ca.SX(0, 1)
     looks = [plan.look(i, delay, stage, pieces) for delay, pieces in enumerate(walk.history)]
     return ca.vertcat(*[a for a, _ in looks]), ca.vertcat(*[b for _, b in looks])
+
+
+def _piece(first: list[Any], last: list[Any], follows: bool) -> Any:
+    """The cubic of a span from value and scaled derivative at its ends.
+
+    Where a follower catches up with its input at the very beginning of the span, its fast ramp is no slope of the
+    span: one is taken with which the cubic has the area of ramp and rest, since what reads a delay mostly adds it up.
+    """
+    (start, ramp), (end, rest) = first, last
+    if not follows:
+        return ca.vertcat(start, ramp, end, rest)
+    rise = end - start
+    caught = ca.fabs(ramp - rise) > CAUGHT * (ca.fabs(rise) + ca.fabs(rest))
+    when = (rise - rest) / ca.if_else(caught, ramp - rest, 1.0)
+    area = ramp * when**2 / 2 + rise * (1 - when) - rest * (1 - when) ** 2 / 2
+    return ca.vertcat(start, ca.if_else(caught, 12 * (area - rise / 2) + rest, ramp), end, rest)
+
+
+def _begin(
+    stepper: Stepper, walk: Walk, d: tuple[Any, Any], e: tuple[Any, Any], span: tuple[Any, Any]
+) -> list[list[Any]]:
+    """What enters each delay where the span begins.
+
+    A follower that is at its input, or on an end of its play, has two slopes there: that of a moment later counts.
+    """
+    t, h = span
+    if not stepper.physics.layout.followers:
+        return _entry(stepper, walk, d, e, (t, 0.0, h))
+    rate = stepper.rates(walk.x, walk, d[0], e[0], (t + INSIDE, 0.0))
+    after = Walk(walk.x + INSIDE * rate, walk.v, None, walk.w, [], [])
+    late = INSIDE / h
+    return _entry(stepper, after, (d[0] + late * d[1], d[1]), (e[0] + late * e[1], e[1]), (t + INSIDE, INSIDE, h))
 
 
 def _entry(
