@@ -37,7 +37,7 @@ period = "2 ms"
 def test_a_computer_reads_the_noise_as_well_some_rows_late(late: int) -> None:
     design = parse_design(READER)
     wave = Multisine(amplitude=2.0, from_frequency=0.3, to_frequency=5.0, lines=20)
-    run = simulate(build(design), {"w": wave}, duration=3.0).record
+    run = simulate(build(design), {"w": wave}, duration=1.5).record
     noisy = run["s"] + 0.05 * np.random.default_rng(3).standard_normal(len(run))
     read = np.concatenate([np.zeros(late), noisy])[: len(noisy)]
     held = np.repeat(0.5 * read[::2], 2)[: len(read)]
