@@ -11,7 +11,7 @@ from delaytools.diagnosis.pushes import along_measured
 from delaytools.diagnosis.screen import base_of
 from delaytools.signals.trouble import DelaytoolsError
 
-__all__ = ["FEW", "MORE", "QUICK", "attempt", "best_of_each", "cost", "fits", "rubs_beside"]
+__all__ = ["MORE", "QUICK", "attempt", "best_of_each", "cost", "fits", "rubs_beside"]
 
 QUICK = 1e-4
 FEW, MORE = 4, 10  # runs of a first fit that only ranks, and of one that is worth going on with
@@ -65,7 +65,7 @@ def fits(
 def _along_measured(case: Case, fitted: Fitted, added: tuple[Added, ...]) -> list[Fitted]:
     """The hypothesis with its last effect along the measured motion, where a run by itself runs away at the values
     that this gives: else by itself, begun there."""
-    one = along_measured(base_of(case, fitted).view, added[-1])
+    one = along_measured(case, added[:-1], added[-1])
     driven = attempt(case, (*added[:-1], one), fitted, FEW) if one is not None else None
     if driven is None:
         return []

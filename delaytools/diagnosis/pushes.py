@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from delaytools.blocks.block import Continuous
 from delaytools.diagnosis.added import Added, with_added
+from delaytools.diagnosis.case import Case
 from delaytools.diagnosis.noise_of import without_noise
 from delaytools.diagnosis.views import View
 from delaytools.loop.loop import Element, Loop
@@ -80,17 +81,19 @@ def forces_on(view: View, one: Added) -> tuple[Array, ...] | None:
     return tuple(found)
 
 
-def along_measured(view: View, one: Added) -> Added | None:
+def along_measured(case: Case, added: tuple[Added, ...], one: Added) -> Added | None:
     """The effect acting along the measured motion; None where that is not measured, or says nothing of it.
 
     A force that drives its segment away from where it was makes any run of the model alone run away, the true one, too.
+    added: what acts beside it.
     """
-    port = find_port(view.loop, one.at)
+    loop = with_added(case.segment.loop, added)
+    port = find_port(loop, one.at)
     if port.kind != "derivative" or "smoothing" in one.values:
         return None
-    shown = _shown(view.loop, view.case.exits, port.element)
-    host = with_added(view.loop, (one,))[port.element]
-    needed = _states(ca.symvar(_added_rate(view.loop[port.element], host, view.loop, port)[0]))
+    shown = _shown(loop, case.exits, port.element)
+    host = with_added(loop, (one,))[port.element]
+    needed = _states(ca.symvar(_added_rate(loop[port.element], host, loop, port)[0]))
     return replace(one, along={state: shown[state] for state in needed}) if needed and needed <= set(shown) else None
 
 

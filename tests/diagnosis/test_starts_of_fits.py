@@ -13,13 +13,14 @@ from delaytools.diagnosis.leftover import imitated
 from delaytools.diagnosis.noise_of import Carried, noise_of
 from delaytools.diagnosis.places import spots
 from delaytools.diagnosis.proposals import shortlisted
-from delaytools.diagnosis.screen import Screened, base_of, screened
+from delaytools.diagnosis.screen import Screened, base_of, response, screened
 from delaytools.diagnosis.search import FINEST, RESOLVED, _resolved, _shown_first, _spared, search
 from delaytools.diagnosis.starts import candidates
 from delaytools.diagnosis.swings import swings
 from delaytools.diagnosis.upgrades import richer
+from delaytools.signals.parameter import Parameter
 from delaytools.signals.stimulus import Column, Multisine
-from tests.diagnosis.small_cases import ACTUATOR, DRIVE, NOISE, SLIDE, fitted, planted
+from tests.diagnosis.small_cases import ACTUATOR, CHAIN, DRIVE, NOISE, SLIDE, fitted, planted
 
 WAVE = Multisine(amplitude=3.0, from_frequency=0.3, to_frequency=6.0, lines=25)
 
@@ -188,3 +189,45 @@ def test_a_value_that_is_off_by_far_less_than_a_step_of_its_grid_is_screened() -
     base = base_of(case, fitted(case))
     found = {one.added.key: one for one in screened(base, candidates(base.view, spots(case.segment)))}
     assert found[weak.key].added.values["damping"] == pytest.approx(0.6 * 1.004, rel=5e-4)
+
+
+def test_a_value_on_its_bound_hides_no_effect() -> None:
+    """A delay far beyond what a tolerated natural frequency may imitate; without its bound, it would hide the delay."""
+    free = (Parameter("act.natural_frequency", 60.0, low=58.0, high=62.0),)
+    late = Added("delay", "act.input", {"delay": 0.01})
+    case = replace(planted(ACTUATOR, (late,), WAVE), tolerated=free, _replays={})
+    null, true = fitted(case), fitted(case, late)
+    assert null.parameters[0].value == 58.0 and not null.inside.any()
+    base, change = base_of(case, null), response(base_of(case, null), late)
+    assert change is not None and base.gain(change)[0] > 0.9 * (null.chi2 - true.chi2)
+    slope = null.jacobian[:, 0] / np.linalg.norm(null.jacobian[:, 0])
+    own, left = (rows - slope * (slope @ rows) for rows in (change, base.residual))
+    assert (own @ left) ** 2 / (own @ own) < 0.5 * base.gain(change)[0]
+
+
+def test_a_mode_as_dull_as_it_may_be_is_none() -> None:
+    limits = {"damping": (1e-4, 0.4)}
+    case = planted(ACTUATOR, (), WAVE)
+    for damping, dull in ((0.05, False), (0.4, True)):
+        values = {"gain": 0.2, "frequency": 3.0, "damping": damping}
+        mode = Added("flexible_mode", "act.output", values, {"source": "u"}, frozenset(), limits)
+        assert mode.is_dull == dull
+        assert bool(imitated(case, replace(fitted(case), added=(mode,)))) == dull
+
+
+def test_noise_of_a_source_comes_through_its_coupling_though_it_drives_nothing_else() -> None:
+    case = planted(ACTUATOR, (), WAVE)
+    (record,) = case.records
+    gust = np.sin(record.time)
+    case = replace(case, records=(replace(record, columns={**record.columns, "gust": gust}),), _replays={})
+    leak = fitted(case, Added("cross_coupling", "act.output", {"gain": 0.5}, {"source": "gust"}))
+    carried = Carried({"gust": 0.02, "other": 1.0})
+    (sent,) = carried.through(case, leak, share=0.15)
+    assert np.std(sent) == pytest.approx(0.02 * abs(leak.added[0].values["gain"]), rel=0.05)
+    assert not np.any(carried.through(case, fitted(case))[0])
+
+
+def test_how_far_a_port_is_ahead_of_the_exit() -> None:
+    segment = planted(CHAIN, (), WAVE, exit="y").segment
+    found = [segment.ahead_of_exit(at) for at in ("sensor.output", "sensor.input", "act.output", "act.input", "act")]
+    assert found == [0.0, 0.5, 1.0, 1.5, 1.5]
