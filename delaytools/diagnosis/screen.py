@@ -99,13 +99,21 @@ class Base:
             size = np.sqrt(power)
             columns = np.concatenate([own[:, None] / size, self.stopped], axis=1)
             inward = self.stopped.shape[1]
-            ends = ([low * size, *[0.0] * inward], [high * size, *[np.inf] * inward])
+            ends = (np.array([low * size, *[0.0] * inward]), np.array([high * size, *[np.inf] * inward]))
             square, along = columns.T @ columns, columns.T @ self.residual
-            root = np.linalg.cholesky(square + RIDGE * np.eye(len(square)))
-            best = lsq_linear(root.T, np.linalg.solve(root, along), ends).x
+            best = _within(square, along, *ends)
             return float(2 * best @ along - best @ square @ best), float(best[0] / size)
         scale = float(np.clip(float(own @ self.residual) / power, low, high))
         return 2 * scale * float(own @ self.residual) - scale**2 * power, scale
+
+
+def _within(square: Array, along: Array, low: Array, high: Array) -> Array:
+    """The least of x·square·x/2 - x·along with every x in [low, high], where these may be one."""
+    best, free = low.copy(), low < high
+    left = along[free] - square[np.ix_(free, ~free)] @ low[~free]
+    root = np.linalg.cholesky(square[np.ix_(free, free)] + RIDGE * np.eye(int(free.sum())))
+    best[free] = lsq_linear(root.T, np.linalg.solve(root, left), (low[free], high[free])).x
+    return best
 
 
 def base_of(case: Case, fitted: Fitted) -> Base:

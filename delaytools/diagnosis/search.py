@@ -1,7 +1,5 @@
 """Forward, swap and backward: which effects a segment needs, each re-fitted with everything else that is free."""
 
-from collections import Counter
-from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import final
 
@@ -30,7 +28,7 @@ Array = NDArray[np.float64]
 MOST, MOST_IN_PIECES = 3, 2  # effects of a segment; in real runs a third one takes what no catalogue holds
 FINEST, RESOLVED = 8, 2.0  # times finer than usual steps at most, and χ² that half the step may still change
 CLEARER = 2  # times that edges, steps and periods are sought again through the noise that they leave
-REFITTED, OF_A_KIND = 4, 2  # candidates fitted again when the noise is known better; of them, with the same last kind
+REFITTED, OTHERS = 4, 2  # candidates fitted again when the noise is known better, and more of other kinds
 NEAR, FARTHEST = 0.3, 400.0  # of the best one's χ², and χ²: how much worse they may be
 NEAREST, WORTH_MORE = 3, 0.1  # hypotheses whose richer forms are tried, and what these must take off, of their χ²
 AS_GOOD = 1.0  # χ² by which two places of one effect are as good
@@ -232,27 +230,23 @@ def _again(case: Case, tried: list[Fitted], best: Fitted) -> list[Fitted]:
     """Hypotheses that may be as good as the best, cheapest first: fitted again roughly, the nearest to the end."""
     if case.is_late:
         return [one for one in (_refit(case, best),) if one is not None]
-    near = _of_every_kind(
+    near = _of_every_kind([
         t for k, t in enumerate(tried)
         if cost(t) < cost(best) + max((NEAR if k < 3 else 0.0) * best.chi2, FARTHEST)
-    )[:REFITTED]  # fmt: skip
+    ])  # fmt: skip
     rough = [f for t in near if (f := _refit(case, t, tolerance=QUICK, evaluations=MORE)) is not None]
     least = min(map(cost, rough), default=np.inf)
     ends = [_refit(case, one) if cost(one) < least + CLOSE else one for one in rough]
     return sorted((one for one in ends if one is not None), key=cost)
 
 
-def _of_every_kind(tried: Iterable[Fitted]) -> list[Fitted]:
-    """These without all but the first few whose last effect is of one kind: at many places or from many sources one
-    kind alone would leave no room for another that is as good."""
-    seen: Counter[str] = Counter()
-    found = []
-    for one in tried:
-        kind = one.added[-1].kind if one.added else ""
-        seen[kind] += 1
-        if seen[kind] <= OF_A_KIND:
-            found.append(one)
-    return found
+def _of_every_kind(tried: list[Fitted]) -> list[Fitted]:
+    """The first few of these, and the first of other kinds: one kind at many places or from many sources would else
+    leave no room for another that is as good."""
+    first = tried[:REFITTED]
+    known = {one.added[-1].kind for one in first if one.added}
+    others = {one.added[-1].kind: one for one in reversed(tried[REFITTED:]) if one.added}
+    return [*first, *sorted((one for kind, one in others.items() if kind not in known), key=cost)[:OTHERS]]
 
 
 def _refit(
