@@ -14,7 +14,7 @@ from delaytools.diagnosis.noise_of import Carried, noise_of
 from delaytools.diagnosis.places import spots
 from delaytools.diagnosis.proposals import shortlisted
 from delaytools.diagnosis.screen import Screened, base_of, response, screened
-from delaytools.diagnosis.search import FINEST, RESOLVED, _resolved, _shown_first, _spared, search
+from delaytools.diagnosis.search import FINEST, RESOLVED, _again, _resolved, _shown_first, _spared, search
 from delaytools.diagnosis.starts import candidates
 from delaytools.diagnosis.swings import swings
 from delaytools.diagnosis.upgrades import richer
@@ -203,6 +203,9 @@ def test_a_value_on_its_bound_hides_no_effect() -> None:
     slope = null.jacobian[:, 0] / np.linalg.norm(null.jacobian[:, 0])
     own, left = (rows - slope * (slope @ rows) for rows in (change, base.residual))
     assert (own @ left) ** 2 / (own @ own) < 0.5 * base.gain(change)[0]
+    best = base.gain(change)[1]
+    fixed, narrow = base.gain(change, 0.9 * best, 0.9 * best), base.gain(change, 0.9 * best, 0.9 * best * (1 + 1e-9))
+    assert fixed == pytest.approx(narrow, rel=1e-6) and fixed[0] < base.gain(change)[0]
 
 
 def test_a_mode_as_dull_as_it_may_be_is_none() -> None:
@@ -231,3 +234,15 @@ def test_how_far_a_port_is_ahead_of_the_exit() -> None:
     segment = planted(CHAIN, (), WAVE, exit="y").segment
     found = [segment.ahead_of_exit(at) for at in ("sensor.output", "sensor.input", "act.output", "act.input", "act")]
     assert found == [0.0, 0.5, 1.0, 1.5, 1.5]
+
+
+def test_many_sources_of_one_coupling_leave_room_for_another_kind_that_is_as_good() -> None:
+    case = planted(ACTUATOR, (Added("scale_factor", "act.output", {"factor": 1.01}),), WAVE)
+    (record,) = case.records
+    x = case.measured[0][:, 0]
+    taps = {f"tap{k}": np.convolve(x, np.ones(k), "same") / k for k in (3, 5, 7, 9, 11)}
+    case = replace(case, records=(replace(record, columns={**record.columns, **taps}),), _replays={})
+    couplings = [fitted(case, Added("cross_coupling", "act.output", {"gain": 0.01}, {"source": tap})) for tap in taps]
+    tried = [*couplings, fitted(case, Added("scale_factor", "act.output", {"factor": 1.01}))]
+    kinds = [one.added[0].kind for one in _again(case, tried, tried[0])]
+    assert sorted(kinds) == [*["cross_coupling"] * 4, "scale_factor"]
