@@ -230,10 +230,16 @@ def _work(task: _Task) -> SegmentReport:
     at_rest = frozenset(
         name for name in network(resolve(loop)).held_signals if abs(float(task.records[0].time[0])) < 1e-9
     )
-    case = as_logged(prepared_case(part, task.records, free, at_rest), task.design, task.pieces, task.numbers)
-    case, noises = driven_best(case, task.cleaned, task.moved, task.noise, set(loop.writers))
+    logged = as_logged(prepared_case(part, task.records, free, at_rest), task.design, task.pieces, task.numbers)
+    columns = task.cleaned, task.moved, task.noise, set(loop.writers)
+    case, noises = driven_best(logged, *columns)
     deadline, seed = task.limits
-    return segment_report(search(case, Carried(noises, seed), deadline=deadline))
+    found = search(case, Carried(noises, seed), deadline=deadline)
+    if found.fitted.added and not found.exhausted:  # a dead zone may have kept back the noise that drives it
+        case, then = driven_best(logged, *columns, under=found.fitted)
+        if any((noises[entry] == 0) != (then[entry] == 0) for entry in part.entries if entry in noises):
+            found = search(case, Carried(then, seed), deadline=deadline)
+    return segment_report(found)
 
 
 def _answer(reports: list[SegmentReport], words: tuple[str, ...], seconds: float) -> Diagnosis:

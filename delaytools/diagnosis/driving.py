@@ -34,10 +34,12 @@ def driven_best(
     moved: tuple[dict[str, Array], ...],
     known: Mapping[str, Whitening],
     written: Collection[str],
+    under: Fitted | None = None,
 ) -> tuple[Case, dict[str, float | Whitening]]:
     """Each noisy entry cleaned, or as measured where its noise drives the segment too; and the entries' noise.
 
-    known: noise of cleaned columns. written: signals that a block of the design writes.
+    known: noise of cleaned columns. written: signals that a block of the design writes. under: the hypothesis by which
+    the segment answers to noise (default: as designed).
     """
     first = case.records[0]
     noises: dict[str, float | Whitening] = {n: column_noise(first[n], n in first.held) for n in first.names}
@@ -52,7 +54,7 @@ def driven_best(
         return case, {**noises, **dict.fromkeys(noisy, 0.0)}
     for entry in noisy:
         tried = _with_columns(case, cleaned, [entry])
-        if _passed_on(case, tried, entry):
+        if _passed_on(case, tried, entry, under or nominal(case)):
             noises[entry] = 0.0
         else:
             case, chosen = tried, [*chosen, entry]
@@ -79,7 +81,7 @@ def _rms_left(case: Case) -> float:
     return float(np.mean([(m - y).std(axis=0) / np.maximum(m.std(axis=0), 1e-300) for m, y in pairs]))
 
 
-def _passed_on(as_measured: Case, cleaned: Case, entry: str) -> bool:
+def _passed_on(as_measured: Case, cleaned: Case, entry: str, under: Fitted) -> bool:
     """Whether the segment answers to the noise of an entry, which then is no noise of the pick-off alone.
 
     The power of the residual that goes with the noise's response, of that response, weighted by the residual's own
@@ -88,7 +90,7 @@ def _passed_on(as_measured: Case, cleaned: Case, entry: str) -> bool:
     noise, too.
     """
     late = LATE if set(cleaned.exits) <= cleaned.records[0].held else (0,)
-    return sum(_share(_noisy(as_measured, cleaned, (entry, rows)), cleaned) for rows in late) > 0.5
+    return sum(_share(_noisy(as_measured, cleaned, (entry, rows)), cleaned, under) for rows in late) > 0.5
 
 
 def _noisy(as_measured: Case, cleaned: Case, late: tuple[str, int]) -> Case:
@@ -101,13 +103,11 @@ def _noisy(as_measured: Case, cleaned: Case, late: tuple[str, int]) -> Case:
     return _with_columns(as_measured, columns, [entry])
 
 
-def _share(noisy_case: Case, cleaned: Case) -> float:
+def _share(noisy_case: Case, cleaned: Case, under: Fitted) -> float:
     """The power of the residual that goes with the noise's response, of that response."""
-    values = nominal(cleaned).values
+    with_noise, without = (one.outputs(under.added, under.values) for one in (noisy_case, cleaned))
     along, power = 0.0, 0.0
-    for y, noisy, clean in zip(
-        cleaned.measured, noisy_case.outputs((), values), cleaned.outputs((), values), strict=True
-    ):
+    for y, noisy, clean in zip(cleaned.measured, with_noise, without, strict=True):
         size = min(SEGMENT, len(y) // FEWEST)
         count = max(INDEPENDENT * len(y) / max(size, 1), 2.0)
         for j in range(y.shape[1] if size > 1 else 0):

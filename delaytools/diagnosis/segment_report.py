@@ -207,6 +207,8 @@ def _steps(
 ) -> tuple[tuple[Step, Mapping[str, tuple[float, float]]], ...]:
     """The ladder of this segment: as designed, tolerances fitted, and one rung for every effect."""
     case = _seen_plainly(found.case, found.fitted, adequate)
+    if not case.is_late:  # where hardly anything is left, the values move with the filters
+        case = _seen_plainly(case, fit_hypothesis(case, found.fitted.added, near=found.fitted), adequate)
     nominal = case.parameters(())
     bare = case.residual(case.outputs((), tuple(p.value for p in nominal)))
     steps = [_step(case, "as designed", Fitted((), (), bare, np.zeros((len(bare), 0))), ())]

@@ -9,8 +9,9 @@ from delaytools.diagnosis.added import Added
 from delaytools.diagnosis.diagnose import Effort, diagnose
 from delaytools.diagnosis.heldout import HeldOut
 from delaytools.diagnosis.screen import base_of
+from delaytools.signals.expression import Expression
 from delaytools.signals.record import Record
-from delaytools.signals.stimulus import Multisine
+from delaytools.signals.stimulus import Formula, Multisine
 from delaytools.simulation.simulate import simulate
 from tests.diagnosis.small_cases import DRIVE, fitted, planted
 
@@ -49,6 +50,20 @@ def test_a_computer_reads_the_noise_as_well_some_rows_late(late: int) -> None:
         (one,) = answer.missing
         assert (one.effect, one.signal) == ("delay", "u")
         assert one.parameters["delay"].value == pytest.approx(late * 1e-3, abs=2e-6)
+
+
+def test_a_dead_band_that_swallows_the_noise_at_rest_does_not_hide_that_it_drives() -> None:
+    design = parse_design(READER)
+    push = Formula(formula=Expression("0.5*exp(-((t-0.4)/0.05)**2) - 0.25*exp(-((t-0.8)/0.05)**2)"))
+    run = simulate(build(design), {"w": push}, duration=3.0).record
+    noisy = run["s"] + 0.02 * np.random.default_rng(3).standard_normal(len(run))
+    held = np.repeat(0.5 * noisy[::2], 2)[: len(noisy)]
+    dead = held - np.clip(held, -0.1, 0.1)
+    log = Record(run.time, {"w": push.value(run.time), "s": noisy, "u": dead}, {"w": "deg", "s": "deg", "u": "V"})
+    answer = diagnose(design, [log], effort=Effort(processes=1))
+    (one,) = answer.missing
+    assert (one.effect, one.signal, one.certain, answer.verdict) == ("dead_band", "u", True, "missing")
+    assert one.parameters["half_width"].value == pytest.approx(0.1, abs=1e-4)
 
 
 def test_a_computer_that_loses_most_updates_reads_the_noise_of_those_that_arrive() -> None:
