@@ -75,6 +75,11 @@ class Added:
         most = self.limits.get("damping", (0.0, math.inf))[1]
         return self.kind == "flexible_mode" and self.values["damping"] > DULL * most
 
+    @property
+    def as_smooth(self) -> "Added":
+        """The same effect, as smooth in any fit: a friction that is left alone becomes as stiff as it may be."""
+        return replace(self, held=self.held | (set(NUISANCE) & set(self.values)))
+
     def moved(self, values: Mapping[str, float]) -> "Added":
         """The same effect with other values."""
         return replace(self, values={**self.values, **values})

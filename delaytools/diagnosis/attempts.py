@@ -19,6 +19,7 @@ HALF = 0.5  # of what the best took off: what took off less after a few runs is 
 ALWAYS, PROMISING = 4, 0.6  # candidates fitted in any case; others where they promise this part of what was found
 IN_PIECES = 0.3  # that part in real runs: far from the truth other values go far with an effect, unlike any profile
 FRICTIONS = ("coulomb_friction", "stribeck_friction", "load_dependent_friction")
+GENTLY, LOCKS = 0.1, 1.0  # of what a friction promises beside another; coefficient at which a load is held for good
 FAR = 0.3  # of a design's value: where a fit has moved one further, it may stand in for the effect that is missing
 
 
@@ -46,10 +47,7 @@ def fits(
             break
         found = max((fitted.chi2 - one.chi2 for one in tried), default=0.0)
         if place < ALWAYS or promised >= part * min(found, best):
-            tried += [f for near in starts if (f := attempt(case, added, near, FEW)) is not None]
-            room = making_room(base_of(case, fitted), added[-1]) if rubs_beside(fitted, added[-1]) else None
-            if room is not None and (made := attempt(case, *room, FEW)) is not None:
-                tried.append(made)
+            tried += _begun(case, fitted, added, starts)
             if case.pieces or not np.isfinite(promised):
                 continue
             if all(fitted.chi2 - f.chi2 < HALF * promised for f in tried if f.added[-1].key == added[-1].key):
@@ -60,6 +58,26 @@ def fits(
         if not one.is_settled and promised >= HALF * max(found, known) and not case.is_late:
             tried[place] = attempt(case, one.added, one, MORE) or one
     return sorted((one for one in best_of_each(tried) if not one.added[-1].is_dull), key=cost)
+
+
+def _begun(
+    case: Case, fitted: Fitted, added: tuple[Added, ...], starts: tuple[Fitted | None, ...]
+) -> list[Fitted]:
+    """A first few runs of a fit from every start.
+
+    A friction beside another one begins small and as smooth as that, and where the other one gives way to it: at all
+    that it promises both hold the mass, and a friction of more than its load locks it.
+    """
+    one, room = added[-1], None
+    if rubs_beside(fitted, one):
+        room = making_room(base_of(case, fitted), one) if one.values.get("coefficient", 0.0) < LOCKS else None
+        other = next(k for k in fitted.added if k.kind in FRICTIONS and k.at == one.at)
+        small = {name: GENTLY * one.values[name] for name in ("level", "coefficient") if name in one.values}
+        if one.kind != "stribeck_friction":
+            added = (*added[:-1], one.moved({**small, "smoothing": other.values["smoothing"]}))
+    tried = [attempt(case, added, near, FEW) for near in starts]
+    tried += [attempt(case, *room, FEW)] if room is not None else []
+    return [one for one in tried if one is not None]
 
 
 def _along_measured(case: Case, fitted: Fitted, added: tuple[Added, ...]) -> list[Fitted]:

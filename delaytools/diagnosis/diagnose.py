@@ -19,7 +19,7 @@ from delaytools.diagnosis.extent import searched_rows
 from delaytools.diagnosis.noise import Whitening, wiener_part
 from delaytools.diagnosis.noise_of import EXACT, Carried, column_noise
 from delaytools.diagnosis.runs import as_logged, differing, pieces_in_words, pieces_of
-from delaytools.diagnosis.search import search
+from delaytools.diagnosis.second_look import searched
 from delaytools.diagnosis.segment_report import SegmentReport, segment_report
 from delaytools.diagnosis.workers import workers
 from delaytools.loop.loop import Loop
@@ -38,6 +38,7 @@ Array = NDArray[np.float64]
 Progress = Callable[[str, float], None]
 Band = Mapping[str, tuple[float, float]]  # signal -> limits
 BUDGET, SEARCHED = 170.0, 0.8  # s, and the part of it after which searches end: a last step and the figures take time
+WAITING = 0.04  # of it that is kept for every segment that is still to be searched
 
 
 @final
@@ -111,12 +112,12 @@ def diagnose(
     noise: dict[str, Whitening] = {}
     done: dict[int, SegmentReport] = {}
     waves = _wanted(_waves(parts, ready), parts, effort.signals)
+    ends = _ends(waves, begin, effort.budget)
     try:
         with workers(effort.processes) as share:
             for wave in waves:
                 known = ready, cleaned, moved, noise, pieces, numbers
-                limits = begin + SEARCHED * effort.budget, effort.seed
-                tasks = [_Task(design, each[0], *known, k, limits) for k in wave]
+                tasks = [_Task(design, each[0], *known, k, (ends[k], effort.seed)) for k in wave]
                 for place, report in share(_work, tasks):
                     done[wave[place]] = _as_sure_as(report, parts[wave[place]], done)
                     if progress:
@@ -208,6 +209,12 @@ def _wanted(waves: list[list[int]], parts: Sequence[Segment], signals: Sequence[
     return [wave for wave in left if wave]
 
 
+def _ends(waves: Sequence[Sequence[int]], begin: float, budget: float) -> dict[int, float]:
+    """When the search of each segment ends (s, monotonic clock); what is kept for those that wait is theirs."""
+    after = [k for wave in reversed(waves) for k in reversed(wave)]
+    return {k: begin + (SEARCHED - WAITING * place) * budget for place, k in enumerate(after)}
+
+
 def _clean(
     cleaned: tuple[dict[str, Array], ...],
     moved: tuple[dict[str, Array], ...],
@@ -234,11 +241,11 @@ def _work(task: _Task) -> SegmentReport:
     columns = task.cleaned, task.moved, task.noise, set(loop.writers)
     case, noises = driven_best(logged, *columns)
     deadline, seed = task.limits
-    found = search(case, Carried(noises, seed), deadline=deadline)
+    found = searched(case, Carried(noises, seed), deadline=deadline)
     if found.fitted.added and not found.exhausted:  # a dead zone may have kept back the noise that drives it
         case, then = driven_best(logged, *columns, under=found.fitted)
         if any((noises[entry] == 0) != (then[entry] == 0) for entry in part.entries if entry in noises):
-            found = search(case, Carried(then, seed), deadline=deadline)
+            found = searched(case, Carried(then, seed), deadline=deadline)
     return segment_report(found)
 
 

@@ -1,6 +1,6 @@
 """What a search leaves over: structure that no effect explains, uneven noise, and effects that only imitate."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import final
 
 import numpy as np
@@ -13,7 +13,7 @@ from delaytools.diagnosis.fitting import Fitted
 from delaytools.diagnosis.hint import hint
 from delaytools.diagnosis.lattices import on_lattice
 from delaytools.diagnosis.noise import without_odd_rows
-from delaytools.diagnosis.noise_of import features
+from delaytools.diagnosis.noise_of import CLEANED, features, is_loud
 from delaytools.diagnosis.rounding import roundings
 from delaytools.diagnosis.search import MOST
 from delaytools.diagnosis.structure import Band, structured_bands
@@ -25,6 +25,7 @@ __all__ = ["imitated", "left_over", "unexplained"]
 Array = NDArray[np.float64]
 LEFT = 0.06  # power of structure left, of the noise: a quarter of its rms
 IN_A_BAND = 1.25  # the same in one octave
+IN_A_LOUD_BAND = 0.4  # where far more is left than any noise that is known: the filters take it for noise then
 CHANCE = 1e-8
 SCATTER = 1e-3  # of the usual step
 LONG = 0.3  # of the longest log: shorter ones are not asked by themselves, they tell little
@@ -60,7 +61,9 @@ def unexplained(case: Case, fitted: Fitted, sent: tuple[Array, ...]) -> tuple[Un
     logs = [log for log, rows in enumerate(left) if len(rows) > LONG * longest]
     for j, exit in enumerate(case.exits):
         rows = {log: rounded.less_mean(left[log][:, j], exit, log) for log in logs}
-        rests = (_looked_at(case, outputs, rows[log], sent[j], (log, j)) for log in logs)
+        far = not case.pieces and is_loud(case, j, rows[logs[0]], float(np.std(sent[j])) / CLEANED)
+        least = IN_A_LOUD_BAND if far else IN_A_BAND
+        rests = (replace(_looked_at(case, outputs, rows[log], sent[j], (log, j)), least=least) for log in logs)
         worst = max(rests, key=lambda one: one.clear)
         if worst.is_structured:
             found.append(_told(case, exit, worst, hint(case, fitted, j)))
@@ -72,12 +75,14 @@ def unexplained(case: Case, fitted: Fitted, sent: tuple[Array, ...]) -> tuple[Un
 @final
 @dataclass(frozen=True, eq=False)
 class _Rest:
-    """The rest of an exit in a log: whitened rows (n,), what inputs' noise may send there (n,), and its bands."""
+    """The rest of an exit in a log: whitened rows (n,), what inputs' noise may send there (n,), its bands, and from
+    which share on one of them is structured."""
 
     log: int
     white: Array
     sent: Array
     bands: tuple[Band, ...]
+    least: float = IN_A_BAND
 
     @property
     def clear(self) -> float:
@@ -87,7 +92,7 @@ class _Rest:
     @property
     def is_structured(self) -> bool:
         """Whether that is more than noise does, in all or in some band."""
-        return self.clear > LEFT or any(b.share > IN_A_BAND and b.probability < CHANCE for b in self.bands)
+        return self.clear > LEFT or any(b.share > self.least and b.probability < CHANCE for b in self.bands)
 
 
 def _looked_at(

@@ -22,13 +22,15 @@ from delaytools.diagnosis.noise import (
 from delaytools.estimation.noise_level import difference_noise
 from delaytools.signals.record import Record
 
-__all__ = ["CLEANED", "EXACT", "Carried", "column_noise", "features", "noise_of", "without_noise"]
+__all__ = ["CLEANED", "EXACT", "Carried", "column_noise", "features", "is_loud", "noise_of", "without_noise"]
 
 Array = NDArray[np.float64]
 EXACT = 5e-5  # of a signal's rms: noise below it is none
 STILL = 1e-6  # of a signal's size: its spread is taken to be no less
 CONSTANT = 1e-9  # of a signal's size: what moves less stands still
 KEPT = 20  # responses to noise
+LOUD = 5.0  # times the least noise that there can be: a residual above it is the missing effect's for the most part
+CARRIED = 2.0  # times all that the inputs' noise can do: the same
 CLEANED = 0.15  # of the noise of a measured input that is left when the input was cleaned
 
 
@@ -135,6 +137,19 @@ def noise_of(case: Case, fitted: Fitted, carried: Carried) -> tuple[Whitening, .
         density = np.maximum(density, floor + np.interp(frequency, *least))
         found.append(whitening(frequency, density))
     return tuple(found)
+
+
+def is_loud(case: Case, exit: int, left: Array, sent: float) -> bool:
+    """Whether what is left at an exit, (n,), is far above the noise that its own differences and its inputs' show.
+
+    sent: standard deviation of all that the inputs' noise can do there. Of a held signal nothing is known.
+    """
+    name = case.exits[exit]
+    if name in case.records[0].held:
+        return False
+    own = max(column_noise(record[name], False) for record in case.records)
+    spread = max(float(np.std(rows[:, exit])) for rows in case.measured)
+    return float(np.std(left)) > max(float(np.hypot(LOUD * own, CARRIED * sent)), LOUD * EXACT * spread)
 
 
 def _series(case: Case, outputs: tuple[Array, ...], exit: int) -> list[tuple[Array, Array]]:

@@ -12,7 +12,7 @@ from delaytools.diagnosis.case import Case
 from delaytools.diagnosis.driving import nominal
 from delaytools.diagnosis.fitting import STEPS, TOLERANCE, Fitted, fit_hypothesis
 from delaytools.diagnosis.lattices import ahead_of_lattice, quantisers_shown
-from delaytools.diagnosis.noise_of import CLEANED, EXACT, Carried, column_noise, noise_of
+from delaytools.diagnosis.noise_of import CLEANED, Carried, is_loud, noise_of
 from delaytools.diagnosis.nuisance import with_nuisance_of
 from delaytools.diagnosis.pairs import pairs
 from delaytools.diagnosis.proposals import PENALTY, is_sharpened, proposals, sharpened_again
@@ -33,7 +33,7 @@ NEAR, FARTHEST = 0.3, 400.0  # of the best one's χ², and χ²: how much worse 
 NEAREST, WORTH_MORE = 3, 0.1  # hypotheses whose richer forms are tried, and what these must take off, of their χ²
 AS_GOOD = 1.0  # χ² by which two places of one effect are as good
 CLOSE = 60.0  # χ²: a hypothesis worse by more is not fitted to the end, since nothing would make it as good
-LOUD = 5.0  # times the least noise that there can be: a residual above it is the missing effect's for the most part
+BEGINNINGS = 2  # other effects with which a search may begin again
 
 
 @final
@@ -43,7 +43,7 @@ class Finding:
 
     case: with the filters of the last hypothesis. null, fitted: without and with the effects. rivals: per effect, other
     candidates fitted in its place. refused: the best effect more, and why it is not one. sent: per exit (n,), what
-    noise left in cleaned inputs may do along the first log.
+    noise left in cleaned inputs may do along the first log. beginnings: other effects that took much off first.
     """
 
     case: Case
@@ -53,10 +53,14 @@ class Finding:
     refused: tuple[Added, str] | None
     sent: tuple[Array, ...]
     exhausted: bool
+    beginnings: tuple[Fitted, ...] = ()
 
 
-def search(case: Case, carried: Carried, *, deadline: float = np.inf) -> Finding:
-    """The effects that the logs of a segment ask for; `carried`: what the inputs' noise sends to its exits."""
+def search(case: Case, carried: Carried, *, deadline: float = np.inf, begin: Fitted | None = None) -> Finding:
+    """The effects that the logs of a segment ask for; `carried`: what the inputs' noise sends to its exits.
+
+    begin: one effect to begin with (default: the one that takes most off).
+    """
     case = replace(_seen(case, nominal(case), carried), deadline=deadline)
     if case.residual(case.outputs((), nominal(case).values)).std() > 1e-2:
         case = with_draws(case)
@@ -64,10 +68,15 @@ def search(case: Case, carried: Carried, *, deadline: float = np.inf) -> Finding
     case, null = _rewhitened(case, null, carried)
     fitted, refused = null, None
     rivals: list[list[Fitted]] = []
+    beginnings: tuple[Fitted, ...] = ()
+    if begin is not None:
+        case, fitted = _rewhitened(case, begin, carried)
+        rivals = [[]]
     while len(fitted.added) < most_of(case) and _left(case, fitted) > NAMED + PENALTY and not case.is_late:
-        best, others, seen = _step(case, fitted, carried)
+        best, others, seen, tried = _step(case, fitted, carried)
         if best is None:
             break
+        beginnings = beginnings if fitted.added else _beginnings(best, tried)
         seen, best, others = _resolved(seen, best, others)
         before = _refit(seen, fitted)
         why = "" if before is None else objection(seen, before, best, carried)
@@ -78,6 +87,8 @@ def search(case: Case, carried: Carried, *, deadline: float = np.inf) -> Finding
         new = len(best.added) - len(kept)
         rivals = [*(rivals[k] for k in kept), *([] for _ in range(new - 1)), others]
         case, fitted = _windows_again(seen, best, carried)
+        if not any(case.lost.values()):
+            case = with_draws(case, fitted)
     case, fitted, rivals = _swapped(case, fitted, rivals, carried)
     case, fitted, rivals = _pruned(case, fitted, rivals, carried)
     for one in quantisers_shown(case, fitted, PART_OF_NOISE):
@@ -86,7 +97,7 @@ def search(case: Case, carried: Carried, *, deadline: float = np.inf) -> Finding
     rivals = [_beside_the_rest(case, fitted, place, group) for place, group in enumerate(rivals)]
     null = fit_hypothesis(case, (), near=null)
     sent = carried.through(case, fitted, share=CLEANED)
-    return Finding(case, null, fitted, tuple(map(tuple, rivals)), refused, sent, case.is_late)
+    return Finding(case, null, fitted, tuple(map(tuple, rivals)), refused, sent, case.is_late, beginnings)
 
 
 def most_of(case: Case) -> int:
@@ -151,18 +162,24 @@ def _is_loud(case: Case, fitted: Fitted, carried: Carried) -> bool:
     filters of a hypothesis that is far from the truth take the truth for noise.
     """
     outputs, sent = case.outputs(fitted.added, fitted.values), carried.through(case, fitted)
-    for j, exit in enumerate(case.exits):
-        left = np.concatenate([m[:, j] - y[:, j] for m, y in zip(case.measured, outputs, strict=True)])
-        own = max(column_noise(r[exit], exit in r.held) for r in case.records)
-        floor = np.hypot(own, float(np.std(sent[j])))
-        spread = max(float(np.std(m[:, j])) for m in case.measured)
-        if exit not in case.records[0].held and left.std() > LOUD * max(floor, EXACT * spread):
-            return True
-    return False
+    left = [m - y for m, y in zip(case.measured, outputs, strict=True)]
+    return any(
+        is_loud(case, j, np.concatenate([rows[:, j] for rows in left]), float(np.std(sent[j])))
+        for j in range(len(case.exits))
+    )
 
 
-def _step(case: Case, fitted: Fitted, carried: Carried) -> tuple[Fitted | None, list[Fitted], Case]:
-    """The hypothesis with the best effect more, its rivals, and the case seen through the noise that it leaves."""
+def _beginnings(best: Fitted, tried: list[Fitted]) -> tuple[Fitted, ...]:
+    """The first of other kinds than the best, cheapest first, each with one effect."""
+    found = {one.added[-1].kind: one for one in reversed(tried) if len(one.added) == 1}
+    return tuple(sorted((one for kind, one in found.items() if kind != best.added[0].kind), key=cost)[:BEGINNINGS])
+
+
+def _step(
+    case: Case, fitted: Fitted, carried: Carried
+) -> tuple[Fitted | None, list[Fitted], Case, list[Fitted]]:
+    """The hypothesis with the best effect more, its rivals, the case seen through the noise that it leaves, and all
+    that were fitted roughly, cheapest first."""
     rough, base = case, fitted
     if case.pieces or _is_loud(case, fitted, carried):
         rough = case.roughly()
@@ -172,7 +189,7 @@ def _step(case: Case, fitted: Fitted, carried: Carried) -> tuple[Fitted | None, 
     ordered = [((*base.added, ahead_of_lattice(rough, base, one.added)), one.gain) for one in found]
     tried = fits(rough, base, [*((added, np.inf) for added in more), *ordered])
     if not tried:
-        return None, [], case
+        return None, [], case, []
     further = [
         (added, np.inf) for one in tried[:NEAREST] if cost(one) < (1 + NEAR) * cost(tried[0])
         for added in richer(rough, one, least=WORTH_MORE * one.chi2)
@@ -190,7 +207,7 @@ def _step(case: Case, fitted: Fitted, carried: Carried) -> tuple[Fitted | None, 
     if most == len(base.added) + 2 and any(_spared(seen, again[0], most - k, carried) for k in (1, 2)):
         plainest = [one for one in tried if len(one.added) < most]
         seen, again = _seen_through_the_best(case, rough, plainest, carried)
-    return again[0], again[1:], seen
+    return again[0], again[1:], seen, tried
 
 
 def _seen_through_the_best(
@@ -265,18 +282,19 @@ def _swapped(
 
     In the last one's place everything was tried when it was added: again only in other company.
     """
-    company = {one.key for one in fitted.added[:-1]}
+    known = {one.key for one in fitted.added[:-1]}
     for place in range(len(fitted.added)):
         last = place == len(fitted.added) - 1
-        if case.is_late or (last and {one.key for one in fitted.added[:-1]} == company):
+        if case.is_late or (last and {one.key for one in fitted.added[:-1]} == known):
             break
         rest = tuple(one for k, one in enumerate(fitted.added) if k != place)
-        without = attempt(case, rest, fitted, STEPS)
+        without = attempt(case, tuple(one.as_smooth for one in rest), fitted, STEPS)
         if without is None:  # unstable without it: nothing else can be tried in its place
             continue
         here = fitted.added[place].key
         found = [one for one in proposals(case, without)[:8] if one.added.key != here]
-        hypotheses = [((*without.added, one.added), one.gain) for one in found]
+        company = tuple(replace(now, held=then.held) for now, then in zip(without.added, rest, strict=True))
+        hypotheses = [((*company, one.added), one.gain) for one in found]
         tried = fits(case, without, hypotheses, known=without.chi2 - fitted.chi2, further=True)
         again = _again(case, tried, min(fitted, *tried, key=cost)) if tried else []
         again = [one for one in again if _keys(one) != _keys(fitted)]  # a late search hands it back

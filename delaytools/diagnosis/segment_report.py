@@ -42,6 +42,7 @@ from delaytools.signals.trouble import DelaytoolsError
 __all__ = ["SegmentReport", "segment_report"]
 
 Array = NDArray[np.float64]
+MOST_ALIKE = 3  # rivals of a set: who has more to choose from is told nothing
 ALIKE = 12.0  # χ² (values paid for) within which two effects explain the logs equally well
 
 
@@ -137,13 +138,13 @@ def _moved_by(added: tuple[Added, ...], place: int, name: str, error: float) -> 
 
 
 def _alike(found: Finding, place: int) -> tuple[Fitted, ...]:
-    """Rivals of an effect that explain the logs as well, of another kind than it."""
+    """Rivals of an effect that explain the logs as well and say something else than it, the best first."""
     mine = found.fitted.added[place]
     best = cost(found.fitted)
-    members: dict[str, Fitted] = {}
+    said, members = _said(found.case, mine), dict[object, Fitted]()
     for one in found.rivals[place]:
-        other = one.added[-1]
-        if len(one.added) != len(found.fitted.added) or other.kind == mine.kind:
+        claim = _said(found.case, one.added[-1])
+        if len(one.added) != len(found.fitted.added) or claim == said:
             continue
         mine_out, other_out = (held_out(f, found.case.rows) for f in (found.fitted, one))
         gain, spread = mine_out.better_than(other_out)
@@ -153,12 +154,18 @@ def _alike(found: Finding, place: int) -> tuple[Fitted, ...]:
         else:
             alike = cost(one) - best < max(ALIKE, min(spread, 3 * ALIKE))
         if alike:
-            members.setdefault(other.kind, one)
+            members.setdefault(claim, one)
     if mine.kind == "coulomb_friction" and not found.case.pieces and not found.case.is_late:
         other = breaking_away_as_well(found.case, found.fitted, place)
         if other is not None and other.chi2 < found.fitted.chi2 + ALIKE:
-            members.setdefault("stribeck_friction", other)
-    return tuple(members.values())
+            members.setdefault(_said(found.case, other.added[-1]), other)
+    return tuple(members.values())[:MOST_ALIKE]
+
+
+def _said(case: Case, one: Added) -> tuple[object, ...]:
+    """What naming an effect claims: its kind, the measured signal at which it shows, and its source. At another port
+    ahead of that signal it may do just the same, which `also_at` says."""
+    return one.kind, shown_at(case, one), tuple(sorted(one.fixed.items()))
 
 
 def _significant(blocks: int) -> float:

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from delaytools.blocks.block import Sampled
 from delaytools.diagnosis.added import Added
 from delaytools.diagnosis.case import Case
+from delaytools.diagnosis.fitting import Fitted
 from delaytools.diagnosis.screen import Base, Screened, response
 from delaytools.loop.values import resolve
 from delaytools.signals.record import Record
@@ -18,6 +19,7 @@ Array = NDArray[np.float64]
 Model = tuple[tuple[Added, ...], tuple[float, ...]]  # a hypothesis and its values
 KEPT, LOST = 1 - 1e-9, 0.0
 LONGEST = 200  # rows of a resampling's period
+BEYOND = 1.5  # times the most that a hypothesis misses a new value by
 MOST_LOST = 0.9  # of the updates
 RUNS = 900  # of a segment, while its dropped updates are sought one after the other
 
@@ -46,13 +48,16 @@ def with_period_fitted(base: Base, one: Added, name: str = "period") -> Screened
     return best
 
 
-def with_draws(case: Case) -> Case:
-    """The case with the column of draws that dropped frames would need at every sampled output, and their shares."""
+def with_draws(case: Case, fitted: Fitted | None = None) -> Case:
+    """The case with the column of draws that dropped frames would need at every sampled output, and their shares.
+
+    fitted: beside which hypothesis (default: as designed).
+    """
     shares: dict[str, float] = {}
     if not set(case.exits) <= case.records[0].held:
         return case
     for at, period in _sampled_outputs(case):
-        case, share = _drawn(case, at, period)
+        case, share = _drawn(case, at, period, fitted)
         if _column_of(at) not in case.segment.loop.random:
             shares[at] = share
     return replace(case, lost=shares, _replays={})
@@ -81,13 +86,14 @@ def _column_of(at: str) -> str:
     return f"dropped_frames@{at}.draw"
 
 
-def _drawn(case: Case, at: str, period: float) -> tuple[Case, float]:
+def _drawn(case: Case, at: str, period: float, fitted: Fitted | None = None) -> tuple[Case, float]:
     """The case with the draws of a port, of the design's own dropped frames where it has them; the share lost."""
+    added, values = (fitted.added, fitted.values) if fitted else ((), tuple(p.value for p in case.parameters(())))
     column = _column_of(at)
     designed = column in case.segment.loop.random
-    tried = () if designed else (Added("dropped_frames", at, {"probability": 0.5}, {}, frozenset({"probability"})),)
+    dropped = Added("dropped_frames", at, {"probability": 0.5}, {}, frozenset({"probability"}))
+    model = (added if designed else (*added, dropped)), values
     records, lost, ticks = [], 0, 0
-    nominal = tuple(p.value for p in case.parameters(()))
     for log, record in enumerate(case.records):
         time = record.time - record.time[0]
         instants = np.arange(0, time[-1] + 1e-9, period) + 1e-3 * case.step
@@ -95,9 +101,9 @@ def _drawn(case: Case, at: str, period: float) -> tuple[Case, float]:
         flags = np.full(len(record), KEPT)
         exit = case.exit_at(at)
         if exit is not None:
-            flags = _decided_at_once(case, (tried, nominal), (log, column, rows), exit)
+            flags = _decided_at_once(case, model, (log, column, rows), exit)
         else:
-            flags = _decided(case, (tried, nominal), (log, column, rows), flags)
+            flags = _decided(case, model, (log, column, rows), flags)
         lost, ticks = lost + int(np.sum(flags[rows] == LOST)), ticks + len(rows)
         records.append(_carrying(record, column, flags))
     return replace(case, records=tuple(records), _replays={}), lost / max(ticks, 1)
@@ -120,23 +126,25 @@ def _decided_at_once(
 ) -> Array:
     """The draws of one log where the port is measured: an update is lost where the old value stands instead of it.
 
-    All kept where some value is neither.
+    All kept where some value is neither. What a hypothesis misses by where values are new, it may miss everywhere.
     """
     log, column, rows = place
     measured = case.measured[log]
-    limit = 1e-4 * float(measured[:, exit].std()) + 1e-12
+    exact = 1e-4 * float(measured[:, exit].std()) + 1e-12
     flags = np.full(len(measured), KEPT)
 
-    def wrong() -> NDArray[np.bool_]:
+    def missed() -> Array:
         outputs = _with_draws_of(case, model, (log, column), flags)
-        return np.asarray(np.abs(outputs[:, exit] - measured[:, exit]) > limit)
+        return np.asarray(np.abs(outputs[:, exit] - measured[:, exit]))
 
-    stale = np.abs(np.diff(measured[:, exit], prepend=measured[0, exit])) <= limit  # what stood before is not logged
-    odd = rows[wrong()[rows]]
-    if not np.all(stale[odd]) or len(odd) > MOST_LOST * len(rows):
+    stale = np.abs(np.diff(measured[:, exit], prepend=measured[0, exit])) <= exact  # what stood before is not logged
+    off, fresh = missed(), rows[~stale[rows]]
+    limit = max(exact, BEYOND * float(off[fresh].max(initial=0.0))) if len(model[0]) > 1 else exact
+    odd = rows[off[rows] > limit]
+    if not np.all(stale[odd]) or not np.any(odd > rows[0]) or len(odd) > MOST_LOST * len(rows):
         return flags
     flags[odd] = LOST
-    return np.full(len(flags), KEPT) if np.any(wrong()) else flags
+    return np.full(len(flags), KEPT) if np.any(missed() > limit) else flags
 
 
 def _decided(

@@ -22,6 +22,7 @@ FASTEST = 10.0  # Hz of a delay's swing
 STICTION = 1.3  # times the level: size at which the direction of a larger breakaway force is taken
 CLEARLY = 1.5  # times the level: a breakaway force that is clearly another one
 FASTER = 1.0  # times the speeds seen: force that falls beyond them is not seen to fall
+SLOW = 0.3  # times these: a force that falls up to there is seen in what a slow motion does, where that is told at all
 APART = 0.2  # of the Coulomb level: by how much it may miss lying between the forces at speed and at breakaway
 SPEEDS = (3.0, 8.0, 25.0, 80.0)  # times the smoothing width
 
@@ -60,9 +61,7 @@ def breaking_away_as_well(case: Case, fitted: Fitted, place: int) -> Fitted | No
     one = fitted.added[place]
     level, width = one.values["level"], one.values["smoothing"]
     fastest = FASTER * base_of(case, fitted).view.state(find_port(case.segment.loop, one.at))
-    slowest = SPEEDS[1] * width
-    if fastest <= slowest:
-        return None
+    slowest = min(SPEEDS[1] * width, SLOW * fastest)
     limits = {
         **one.limits,
         "level": (0.0, level), "stiction": (CLEARLY * level, np.inf), "speed": (slowest, fastest),

@@ -5,7 +5,7 @@ import pytest
 
 from delaytools.design.build import build
 from delaytools.design.design import parse_design
-from delaytools.diagnosis.added import Added
+from delaytools.diagnosis.added import Added, with_added
 from delaytools.diagnosis.diagnose import Effort, diagnose
 from delaytools.diagnosis.heldout import HeldOut
 from delaytools.diagnosis.screen import base_of
@@ -80,6 +80,22 @@ def test_a_computer_that_loses_most_updates_reads_the_noise_of_those_that_arrive
     (one,) = diagnose(design, [log], effort=Effort(processes=1)).missing
     assert (one.effect, one.signal) == ("dropped_frames", "u")
     assert one.parameters["probability"].value == pytest.approx(lost.mean(), abs=2e-3)
+
+
+def test_a_few_lost_updates_are_seen_beside_a_lag() -> None:
+    design = parse_design(READER)
+    wave = Multisine(amplitude=2.0, from_frequency=0.3, to_frequency=5.0, lines=20)
+    lag = Added("lag", "computer.input", {"time_constant": 0.0015})
+    run = simulate(with_added(build(design), (lag,)), {"w": wave}, duration=3.0).record
+    ticks, lost = run["u"][::2].copy(), np.random.default_rng(3).uniform(size=len(run["u"][::2])) < 0.01
+    for k in np.flatnonzero(lost):
+        ticks[k] = ticks[k - 1] if k else 0.0
+    held = np.repeat(ticks, 2)[: len(run)]
+    log = Record(run.time, {"w": run["w"], "s": run["s"], "u": held}, {"w": "deg", "s": "deg", "u": "V"})
+    missing = {one.effect: one for one in diagnose(design, [log], effort=Effort(processes=1)).missing}
+    assert set(missing) == {"lag", "dropped_frames"}
+    assert missing["lag"].parameters["time_constant"].value == pytest.approx(0.0015, abs=1e-5)
+    assert missing["dropped_frames"].parameters["probability"].value == pytest.approx(lost.mean(), abs=2e-3)
 
 
 def test_a_force_along_the_measured_motion_is_all_that_is_missing_however_far_the_model_is() -> None:
