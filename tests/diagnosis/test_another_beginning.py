@@ -1,0 +1,72 @@
+"""Where a first choice misleads: another beginning, friction beside friction, loudness, sets of one kind."""
+
+import time
+
+import numpy as np
+import pytest
+
+from delaytools.diagnosis import second_look
+from delaytools.diagnosis.added import Added
+from delaytools.diagnosis.attempts import fits
+from delaytools.diagnosis.diagnose import SEARCHED, _ends
+from delaytools.diagnosis.fitting import fit_hypothesis
+from delaytools.diagnosis.noise_of import Carried, is_loud
+from delaytools.diagnosis.search import Finding, search
+from delaytools.signals.stimulus import Multisine
+from tests.diagnosis.small_cases import ACTUATOR, NOISE, SLIDE, fitted, planted
+from tests.diagnosis.test_what_hides import CARRIAGE, PUSH, found
+
+WAVE = Multisine(amplitude=3.0, from_frequency=0.3, to_frequency=6.0, lines=25)
+GAIN = Added("scale_factor", "act.output", {"factor": 1.2})
+
+
+def test_what_leaves_something_is_begun_again_with_the_next_best(monkeypatch: pytest.MonkeyPatch) -> None:
+    case = planted(ACTUATOR, (GAIN,), WAVE)
+    late = fitted(case, Added("delay", "act.output", {"delay": 0.002}))
+    nothing = tuple(np.zeros(len(m)) for m in case.measured)
+    begun: list[object] = []
+
+    def misled(case, carried, *, deadline, begin=None):
+        begun.append(begin)
+        if begin is None:
+            return Finding(case, fitted(case), late, ((),), None, nothing, False, (fitted(case, GAIN),))
+        return search(case, carried, deadline=deadline, begin=begin)
+
+    monkeypatch.setattr(second_look, "search", misled)
+    answer = second_look.searched(case, Carried({}), deadline=time.monotonic() + 100)
+    assert len(begun) == 2 and [one.kind for one in answer.fitted.added] == ["scale_factor"]
+    assert answer.fitted.added[0].values["factor"] == pytest.approx(1.2, abs=1e-3)
+
+
+def test_a_load_friction_beside_coulomb_begins_gently() -> None:
+    true = (
+        Added("coulomb_friction", "drive.v'", {"level": 2.0, "smoothing": 0.02}),
+        Added("load_dependent_friction", "drive.v'", {"coefficient": 0.4, "smoothing": 0.02}),
+    )
+    case = planted(SLIDE, true, Multisine(amplitude=40.0, from_frequency=0.2, to_frequency=2.0, lines=12), noise=1e-3)
+    alone = fit_hypothesis(case, (true[0],))
+    locking = true[1].moved({"coefficient": 1.5, "smoothing": 0.002})
+    (best, *_) = fits(case, alone, [((*alone.added, locking), 0.5 * alone.chi2)])
+    assert best.chi2 < 1.2 * len(best.residual) < 0.5 * alone.chi2
+    assert best.added[-1].values["coefficient"] == pytest.approx(0.4, rel=0.05)
+
+
+def test_loud_is_what_neither_coloured_noise_nor_the_noise_of_inputs_may_be() -> None:
+    case = planted(ACTUATOR, (), WAVE)
+    rows = np.random.default_rng(5).standard_normal(len(case.measured[0]))
+    assert not is_loud(case, 0, 4 * NOISE * rows, 0.0) and is_loud(case, 0, 6 * NOISE * rows, 0.0)
+    assert not is_loud(case, 0, 6 * NOISE * rows, 4 * NOISE) and is_loud(case, 0, 12 * NOISE * rows, 4 * NOISE)
+
+
+def test_two_places_of_one_kind_that_say_something_else_are_a_set() -> None:
+    """A position pick-off that reads 3 % less, or a rate that reads 3 % more: the gain between them is free."""
+    table = {"type": "scale_factor", "at": "drive.x", "factor": 0.97}
+    answer = found(CARRIAGE, (table,), {"r": PUSH}, {"x": 0.01, "v": 0.1})
+    claims = {(one.effect, one.at) for c in answer.confusable for one in c.members}
+    assert {("scale_factor", "drive.x"), ("scale_factor", "drive.v")} <= claims
+    assert not any(one.certain for one in answer.missing)
+
+
+def test_a_segment_that_waits_keeps_a_part_of_the_budget() -> None:
+    ends = _ends([[2, 0], [1]], 1000.0, 100.0)
+    assert ends[1] == 1000.0 + 100.0 * SEARCHED and ends[2] < ends[0] < ends[1]
