@@ -47,7 +47,7 @@ def fits(
             break
         found = max((fitted.chi2 - one.chi2 for one in tried), default=0.0)
         if place < ALWAYS or promised >= part * min(found, best):
-            tried += _begun(case, fitted, added, starts)
+            tried += _begun(case, fitted, added, starts, promised)
             if case.pieces or not np.isfinite(promised):
                 continue
             if all(fitted.chi2 - f.chi2 < HALF * promised for f in tried if f.added[-1].key == added[-1].key):
@@ -61,19 +61,20 @@ def fits(
 
 
 def _begun(
-    case: Case, fitted: Fitted, added: tuple[Added, ...], starts: tuple[Fitted | None, ...]
+    case: Case, fitted: Fitted, added: tuple[Added, ...], starts: tuple[Fitted | None, ...], promised: float
 ) -> list[Fitted]:
     """A first few runs of a fit from every start.
 
-    A friction beside another one begins small and as smooth as that, and where the other one gives way to it: at all
-    that it promises both hold the mass, and a friction of more than its load locks it.
+    A friction that promises something beside another one begins small and as smooth as that, and where the other one
+    gives way to it: at all that it promises both hold the mass, and a friction of more than its load locks it.
     """
     one, room = added[-1], None
     if rubs_beside(fitted, one):
-        room = making_room(base_of(case, fitted), one) if one.values.get("coefficient", 0.0) < LOCKS else None
-        other = next(k for k in fitted.added if k.kind in FRICTIONS and k.at == one.at)
-        small = {name: GENTLY * one.values[name] for name in ("level", "coefficient") if name in one.values}
-        if one.kind != "stribeck_friction":
+        locks = "load" not in one.fixed and one.values.get("coefficient", 0.0) > LOCKS
+        room = None if locks else making_room(base_of(case, fitted), one)
+        other = next((k for k in added[:-1] if k.kind in FRICTIONS and k.at == one.at), None)
+        if other is not None and np.isfinite(promised):
+            small = {name: GENTLY * one.values[name] for name in ("level", "coefficient") if name in one.values}
             added = (*added[:-1], one.moved({**small, "smoothing": other.values["smoothing"]}))
     tried = [attempt(case, added, near, FEW) for near in starts]
     tried += [attempt(case, *room, FEW)] if room is not None else []

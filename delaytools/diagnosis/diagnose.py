@@ -19,7 +19,8 @@ from delaytools.diagnosis.extent import searched_rows
 from delaytools.diagnosis.noise import Whitening, wiener_part
 from delaytools.diagnosis.noise_of import EXACT, Carried, column_noise
 from delaytools.diagnosis.runs import as_logged, differing, pieces_in_words, pieces_of
-from delaytools.diagnosis.second_look import searched
+from delaytools.diagnosis.search import search
+from delaytools.diagnosis.second_look import begun_again
 from delaytools.diagnosis.segment_report import SegmentReport, segment_report
 from delaytools.diagnosis.workers import workers
 from delaytools.loop.loop import Loop
@@ -212,7 +213,8 @@ def _wanted(waves: list[list[int]], parts: Sequence[Segment], signals: Sequence[
 def _ends(waves: Sequence[Sequence[int]], begin: float, budget: float) -> dict[int, float]:
     """When the search of each segment ends (s, monotonic clock); what is kept for those that wait is theirs."""
     after = [k for wave in reversed(waves) for k in reversed(wave)]
-    return {k: begin + (SEARCHED - WAITING * place) * budget for place, k in enumerate(after)}
+    kept = min(WAITING, 0.5 * SEARCHED / len(after))
+    return {k: begin + (SEARCHED - kept * place) * budget for place, k in enumerate(after)}
 
 
 def _clean(
@@ -241,11 +243,14 @@ def _work(task: _Task) -> SegmentReport:
     columns = task.cleaned, task.moved, task.noise, set(loop.writers)
     case, noises = driven_best(logged, *columns)
     deadline, seed = task.limits
-    found = searched(case, Carried(noises, seed), deadline=deadline)
-    if found.fitted.added and not found.exhausted:  # a dead zone may have kept back the noise that drives it
-        case, then = driven_best(logged, *columns, under=found.fitted)
-        if any((noises[entry] == 0) != (then[entry] == 0) for entry in part.entries if entry in noises):
-            found = searched(case, Carried(then, seed), deadline=deadline)
+    found = search(case, Carried(noises, seed), deadline=deadline)
+    noisy = [entry for entry in part.entries if entry in task.cleaned[0]]
+    if noisy and found.fitted.added and not found.exhausted and not any(found.case.lost.values()):
+        other, then = driven_best(logged, *columns, under=found.fitted)  # a dead zone may have kept the noise back
+        if any((noises[entry] == 0) != (then[entry] == 0) for entry in noisy):
+            case, noises = other, then
+            found = search(case, Carried(noises, seed), deadline=deadline)
+    found = begun_again(found, case, Carried(noises, seed), deadline=deadline)
     return segment_report(found)
 
 

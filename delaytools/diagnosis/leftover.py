@@ -1,6 +1,6 @@
 """What a search leaves over: structure that no effect explains, uneven noise, and effects that only imitate."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import final
 
 import numpy as np
@@ -61,11 +61,11 @@ def unexplained(case: Case, fitted: Fitted, sent: tuple[Array, ...]) -> tuple[Un
     logs = [log for log, rows in enumerate(left) if len(rows) > LONG * longest]
     for j, exit in enumerate(case.exits):
         rows = {log: rounded.less_mean(left[log][:, j], exit, log) for log in logs}
-        far = not case.pieces and is_loud(case, j, rows[logs[0]], float(np.std(sent[j])) / CLEANED)
-        least = IN_A_LOUD_BAND if far else IN_A_BAND
-        rests = (replace(_looked_at(case, outputs, rows[log], sent[j], (log, j)), least=least) for log in logs)
+        rests = (_looked_at(case, outputs, rows[log], sent[j], (log, j)) for log in logs)
         worst = max(rests, key=lambda one: one.clear)
-        if worst.is_structured:
+        every = np.concatenate(list(rows.values()))
+        loud = not case.pieces and is_loud(case, j, every, float(np.std(sent[j])) / CLEANED)
+        if worst.is_structured(IN_A_LOUD_BAND if loud else IN_A_BAND):
             found.append(_told(case, exit, worst, hint(case, fitted, j)))
         elif not _gates_noise(case, fitted, j):
             found += _uneven(case, outputs, worst, exit)
@@ -75,24 +75,21 @@ def unexplained(case: Case, fitted: Fitted, sent: tuple[Array, ...]) -> tuple[Un
 @final
 @dataclass(frozen=True, eq=False)
 class _Rest:
-    """The rest of an exit in a log: whitened rows (n,), what inputs' noise may send there (n,), its bands, and from
-    which share on one of them is structured."""
+    """The rest of an exit in a log: whitened rows (n,), what inputs' noise may send there (n,), and its bands."""
 
     log: int
     white: Array
     sent: Array
     bands: tuple[Band, ...]
-    least: float = IN_A_BAND
 
     @property
     def clear(self) -> float:
         """Power that hangs together with the inputs' past beyond chance."""
         return sum(b.share * 2 * (b.high - b.low) for b in self.bands if b.probability < CHANCE)
 
-    @property
-    def is_structured(self) -> bool:
+    def is_structured(self, in_a_band: float) -> bool:
         """Whether that is more than noise does, in all or in some band."""
-        return self.clear > LEFT or any(b.share > self.least and b.probability < CHANCE for b in self.bands)
+        return self.clear > LEFT or any(b.share > in_a_band and b.probability < CHANCE for b in self.bands)
 
 
 def _looked_at(

@@ -43,7 +43,7 @@ class Finding:
 
     case: with the filters of the last hypothesis. null, fitted: without and with the effects. rivals: per effect, other
     candidates fitted in its place. refused: the best effect more, and why it is not one. sent: per exit (n,), what
-    noise left in cleaned inputs may do along the first log. beginnings: other effects that took much off first.
+    noise left in cleaned inputs may do along the first log. beginnings: other effects that are worth it alone.
     """
 
     case: Case
@@ -69,14 +69,14 @@ def search(case: Case, carried: Carried, *, deadline: float = np.inf, begin: Fit
     fitted, refused = null, None
     rivals: list[list[Fitted]] = []
     beginnings: tuple[Fitted, ...] = ()
-    if begin is not None:
-        case, fitted = _rewhitened(case, begin, carried)
-        rivals = [[]]
     while len(fitted.added) < most_of(case) and _left(case, fitted) > NAMED + PENALTY and not case.is_late:
-        best, others, seen, tried = _step(case, fitted, carried)
+        if begin is not None and not fitted.added:
+            (best, others, seen), further = _only(case, begin, carried), ()
+        else:
+            best, others, seen, further = _step(case, fitted, carried)
         if best is None:
             break
-        beginnings = beginnings if fitted.added else _beginnings(best, tried)
+        beginnings = beginnings if fitted.added else further
         seen, best, others = _resolved(seen, best, others)
         before = _refit(seen, fitted)
         why = "" if before is None else objection(seen, before, best, carried)
@@ -87,9 +87,10 @@ def search(case: Case, carried: Carried, *, deadline: float = np.inf, begin: Fit
         new = len(best.added) - len(kept)
         rivals = [*(rivals[k] for k in kept), *([] for _ in range(new - 1)), others]
         case, fitted = _windows_again(seen, best, carried)
-        if not any(case.lost.values()):
-            case = with_draws(case, fitted)
-    case, fitted, rivals = _swapped(case, fitted, rivals, carried)
+        if all(one.kind != "dropped_frames" for one in fitted.added):
+            drawn = with_draws(case, fitted)
+            case = drawn if any(drawn.lost.values()) else case
+    case, fitted, rivals = _swapped(case, fitted, rivals, carried, everything=begin is not None)
     case, fitted, rivals = _pruned(case, fitted, rivals, carried)
     for one in quantisers_shown(case, fitted, PART_OF_NOISE):
         case, fitted = _rewhitened(case, replace(fitted, added=(*fitted.added, one)), carried)
@@ -169,17 +170,23 @@ def _is_loud(case: Case, fitted: Fitted, carried: Carried) -> bool:
     )
 
 
-def _beginnings(best: Fitted, tried: list[Fitted]) -> tuple[Fitted, ...]:
-    """The first of other kinds than the best, cheapest first, each with one effect."""
-    found = {one.added[-1].kind: one for one in reversed(tried) if len(one.added) == 1}
-    return tuple(sorted((one for kind, one in found.items() if kind != best.added[0].kind), key=cost)[:BEGINNINGS])
+def _first_of_kinds(tried: list[Fitted], without: set[str], most: int) -> list[Fitted]:
+    """Of these, cheapest first, the first one of every kind of last effect, other kinds than these alone."""
+    found = {one.added[-1].kind.partition(":")[0]: one for one in reversed(tried) if one.added}
+    return sorted((one for kind, one in found.items() if kind not in without), key=cost)[:most]
+
+
+def _only(case: Case, begin: Fitted, carried: Carried) -> tuple[Fitted | None, list[Fitted], Case]:
+    """As `_step`, with nothing but this hypothesis."""
+    seen, again = _seen_through_the_best(case, case, [begin], carried)
+    return (again[0] if again else None), [], seen
 
 
 def _step(
     case: Case, fitted: Fitted, carried: Carried
-) -> tuple[Fitted | None, list[Fitted], Case, list[Fitted]]:
-    """The hypothesis with the best effect more, its rivals, the case seen through the noise that it leaves, and all
-    that were fitted roughly, cheapest first."""
+) -> tuple[Fitted | None, list[Fitted], Case, tuple[Fitted, ...]]:
+    """The hypothesis with the best effect more, its rivals, the case seen through the noise that it leaves, and the
+    best ones with one effect more of other kinds that are worth it."""
     rough, base = case, fitted
     if case.pieces or _is_loud(case, fitted, carried):
         rough = case.roughly()
@@ -189,7 +196,7 @@ def _step(
     ordered = [((*base.added, ahead_of_lattice(rough, base, one.added)), one.gain) for one in found]
     tried = fits(rough, base, [*((added, np.inf) for added in more), *ordered])
     if not tried:
-        return None, [], case, []
+        return None, [], case, ()
     further = [
         (added, np.inf) for one in tried[:NEAREST] if cost(one) < (1 + NEAR) * cost(tried[0])
         for added in richer(rough, one, least=WORTH_MORE * one.chi2)
@@ -207,7 +214,9 @@ def _step(
     if most == len(base.added) + 2 and any(_spared(seen, again[0], most - k, carried) for k in (1, 2)):
         plainest = [one for one in tried if len(one.added) < most]
         seen, again = _seen_through_the_best(case, rough, plainest, carried)
-    return again[0], again[1:], seen, tried
+    worth = [t for t in tried if len(t.added) == len(base.added) + 1 and cost(t) < base.chi2 - NAMED]
+    others = _first_of_kinds(worth, {one.kind.partition(":")[0] for one in again[0].added}, BEGINNINGS)
+    return again[0], again[1:], seen, tuple(others)
 
 
 def _seen_through_the_best(
@@ -261,9 +270,8 @@ def _of_every_kind(tried: list[Fitted]) -> list[Fitted]:
     """The first few of these, and the first of other kinds: one kind at many places or from many sources would else
     leave no room for another that is as good."""
     first = tried[:REFITTED]
-    known = {one.added[-1].kind for one in first if one.added}
-    others = {one.added[-1].kind: one for one in reversed(tried[REFITTED:]) if one.added}
-    return [*first, *sorted((one for kind, one in others.items() if kind not in known), key=cost)[:OTHERS]]
+    known = {one.added[-1].kind.partition(":")[0] for one in first if one.added}
+    return [*first, *_first_of_kinds(tried[REFITTED:], known, OTHERS)]
 
 
 def _refit(
@@ -276,16 +284,16 @@ def _refit(
 
 
 def _swapped(
-    case: Case, fitted: Fitted, rivals: list[list[Fitted]], carried: Carried
+    case: Case, fitted: Fitted, rivals: list[list[Fitted]], carried: Carried, *, everything: bool
 ) -> tuple[Case, Fitted, list[list[Fitted]]]:
     """Every effect taken out in turn and everything tried in its place; what fits better stays.
 
-    In the last one's place everything was tried when it was added: again only in other company.
+    In the last one's place everything was tried when it was added: again only in other company, or if said so.
     """
     known = {one.key for one in fitted.added[:-1]}
     for place in range(len(fitted.added)):
         last = place == len(fitted.added) - 1
-        if case.is_late or (last and {one.key for one in fitted.added[:-1]} == known):
+        if case.is_late or (last and not everything and {one.key for one in fitted.added[:-1]} == known):
             break
         rest = tuple(one for k, one in enumerate(fitted.added) if k != place)
         without = attempt(case, tuple(one.as_smooth for one in rest), fitted, STEPS)
@@ -293,9 +301,10 @@ def _swapped(
             continue
         here = fitted.added[place].key
         found = [one for one in proposals(case, without)[:8] if one.added.key != here]
-        company = tuple(replace(now, held=then.held) for now, then in zip(without.added, rest, strict=True))
-        hypotheses = [((*company, one.added), one.gain) for one in found]
+        hypotheses = [((*without.added, one.added), one.gain) for one in found]
         tried = fits(case, without, hypotheses, known=without.chi2 - fitted.chi2, further=True)
+        held = {one.key: one.held for one in rest}
+        tried = [replace(t, added=tuple(replace(a, held=held.get(a.key, a.held)) for a in t.added)) for t in tried]
         again = _again(case, tried, min(fitted, *tried, key=cost)) if tried else []
         again = [one for one in again if _keys(one) != _keys(fitted)]  # a late search hands it back
         if again and cost(again[0]) < cost(fitted) - 1.0:

@@ -18,7 +18,7 @@ from delaytools.diagnosis.answer import (
     Step,
     Unexplained,
 )
-from delaytools.diagnosis.attempts import cost
+from delaytools.diagnosis.attempts import attempt, cost
 from delaytools.diagnosis.case import Case
 from delaytools.diagnosis.edges import EDGES
 from delaytools.diagnosis.fitting import STEPS, Fitted, at_values, fit_hypothesis, has_odd_rows
@@ -159,7 +159,7 @@ def _alike(found: Finding, place: int) -> tuple[Fitted, ...]:
         other = breaking_away_as_well(found.case, found.fitted, place)
         if other is not None and other.chi2 < found.fitted.chi2 + ALIKE:
             members.setdefault(_said(found.case, other.added[-1]), other)
-    return tuple(members.values())[:MOST_ALIKE]
+    return tuple(sorted(members.values(), key=cost)[:MOST_ALIKE])
 
 
 def _said(case: Case, one: Added) -> tuple[object, ...]:
@@ -181,7 +181,7 @@ def _missing(found: Finding, place: int, *, certain: bool) -> Missing:
     one = fitted.added[place]
     close = [r for r in found.rivals[place] if cost(r) - cost(fitted) < ALIKE]
     same = [r.added[-1] for r in close if len(r.added) == len(fitted.added)]
-    also = tuple(dict.fromkeys(o.at for o in same if o.kind == one.kind and o.at != one.at))
+    also = tuple(dict.fromkeys(o.at for o in same if _said(case, o) == _said(case, one) and o.at != one.at))
     settings = {**one.fixed, **{n: v for n, v in one.values.items() if n not in one.reported}}
     values = quantities(case.segment.loop, fitted, place)
     return Missing(one.kind, one.at, shown_at(case, one), values, settings, certain, also)
@@ -214,8 +214,9 @@ def _steps(
 ) -> tuple[tuple[Step, Mapping[str, tuple[float, float]]], ...]:
     """The ladder of this segment: as designed, tolerances fitted, and one rung for every effect."""
     case = _seen_plainly(found.case, found.fitted, adequate)
-    if not case.is_late:  # where hardly anything is left, the values move with the filters
-        case = _seen_plainly(case, fit_hypothesis(case, found.fitted.added, near=found.fitted), adequate)
+    again = None if case.is_late else attempt(case, found.fitted.added, found.fitted, STEPS)
+    if again is not None:  # where hardly anything is left, the values move with the filters
+        case = _seen_plainly(case, again, adequate)
     nominal = case.parameters(())
     bare = case.residual(case.outputs((), tuple(p.value for p in nominal)))
     steps = [_step(case, "as designed", Fitted((), (), bare, np.zeros((len(bare), 0))), ())]

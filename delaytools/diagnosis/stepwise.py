@@ -93,6 +93,7 @@ def _drawn(case: Case, at: str, period: float, fitted: Fitted | None = None) -> 
     designed = column in case.segment.loop.random
     dropped = Added("dropped_frames", at, {"probability": 0.5}, {}, frozenset({"probability"}))
     model = (added if designed else (*added, dropped)), values
+    roughly = fitted is not None
     records, lost, ticks = [], 0, 0
     for log, record in enumerate(case.records):
         time = record.time - record.time[0]
@@ -101,7 +102,7 @@ def _drawn(case: Case, at: str, period: float, fitted: Fitted | None = None) -> 
         flags = np.full(len(record), KEPT)
         exit = case.exit_at(at)
         if exit is not None:
-            flags = _decided_at_once(case, model, (log, column, rows), exit)
+            flags = _decided_at_once(case, model, (log, column, rows), exit, roughly=roughly)
         else:
             flags = _decided(case, model, (log, column, rows), flags)
         lost, ticks = lost + int(np.sum(flags[rows] == LOST)), ticks + len(rows)
@@ -122,11 +123,12 @@ def _with_draws_of(case: Case, model: Model, place: tuple[int, str], flags: Arra
 
 
 def _decided_at_once(
-    case: Case, model: Model, place: tuple[int, str, NDArray[np.int64]], exit: int
+    case: Case, model: Model, place: tuple[int, str, NDArray[np.int64]], exit: int, *, roughly: bool
 ) -> Array:
     """The draws of one log where the port is measured: an update is lost where the old value stands instead of it.
 
-    All kept where some value is neither. What a hypothesis misses by where values are new, it may miss everywhere.
+    All kept where some value is neither. roughly: what a hypothesis misses by where values are new, it may miss
+    everywhere.
     """
     log, column, rows = place
     measured = case.measured[log]
@@ -139,7 +141,7 @@ def _decided_at_once(
 
     stale = np.abs(np.diff(measured[:, exit], prepend=measured[0, exit])) <= exact  # what stood before is not logged
     off, fresh = missed(), rows[~stale[rows]]
-    limit = max(exact, BEYOND * float(off[fresh].max(initial=0.0))) if len(model[0]) > 1 else exact
+    limit = max(exact, BEYOND * float(off[fresh].max(initial=0.0))) if roughly else exact
     odd = rows[off[rows] > limit]
     if not np.all(stale[odd]) or not np.any(odd > rows[0]) or len(odd) > MOST_LOST * len(rows):
         return flags

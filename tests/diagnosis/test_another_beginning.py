@@ -1,41 +1,56 @@
 """Where a first choice misleads: another beginning, friction beside friction, loudness, sets of one kind."""
 
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from delaytools.diagnosis import second_look
 from delaytools.diagnosis.added import Added
 from delaytools.diagnosis.attempts import fits
+from delaytools.diagnosis.case import Case
 from delaytools.diagnosis.diagnose import SEARCHED, _ends
 from delaytools.diagnosis.fitting import fit_hypothesis
 from delaytools.diagnosis.noise_of import Carried, is_loud
 from delaytools.diagnosis.search import Finding, search
+from delaytools.diagnosis.second_look import begun_again
 from delaytools.signals.stimulus import Multisine
 from tests.diagnosis.small_cases import ACTUATOR, NOISE, SLIDE, fitted, planted
 from tests.diagnosis.test_what_hides import CARRIAGE, PUSH, found
 
 WAVE = Multisine(amplitude=3.0, from_frequency=0.3, to_frequency=6.0, lines=25)
 GAIN = Added("scale_factor", "act.output", {"factor": 1.2})
+LATE = Added("delay", "act.input", {"delay": 0.008})
 
 
-def test_what_leaves_something_is_begun_again_with_the_next_best(monkeypatch: pytest.MonkeyPatch) -> None:
-    case = planted(ACTUATOR, (GAIN,), WAVE)
-    late = fitted(case, Added("delay", "act.output", {"delay": 0.002}))
+def _wanting(case: Case) -> Finding:
+    """What a search might have found that took a delay first."""
     nothing = tuple(np.zeros(len(m)) for m in case.measured)
-    begun: list[object] = []
+    late = fitted(case, Added("delay", "act.output", {"delay": 0.002}))
+    return Finding(case, fitted(case), late, ((),), None, nothing, False, (fitted(case, GAIN),))
 
-    def misled(case, carried, *, deadline, begin=None):
-        begun.append(begin)
-        if begin is None:
-            return Finding(case, fitted(case), late, ((),), None, nothing, False, (fitted(case, GAIN),))
-        return search(case, carried, deadline=deadline, begin=begin)
 
-    monkeypatch.setattr(second_look, "search", misled)
-    answer = second_look.searched(case, Carried({}), deadline=time.monotonic() + 100)
-    assert len(begun) == 2 and [one.kind for one in answer.fitted.added] == ["scale_factor"]
-    assert answer.fitted.added[0].values["factor"] == pytest.approx(1.2, abs=1e-3)
+def test_what_leaves_something_is_begun_again_with_the_next_best() -> None:
+    case = planted(ACTUATOR, (GAIN, LATE), WAVE)
+    answer = begun_again(_wanting(case), case, Carried({}), deadline=time.monotonic() + 100)
+    first, second = answer.fitted.added
+    assert (first.kind, second.kind) == ("scale_factor", "delay")
+    assert first.values["factor"] == pytest.approx(1.2, abs=1e-3)
+
+
+def test_what_explains_all_or_has_no_time_left_stands() -> None:
+    case = planted(ACTUATOR, (GAIN,), WAVE)
+    wanting = _wanting(case)
+    right = replace(wanting, fitted=fitted(case, GAIN))
+    assert begun_again(right, case, Carried({}), deadline=time.monotonic() + 100) is right
+    assert begun_again(wanting, case, Carried({}), deadline=time.monotonic() - 1) is wanting
+
+
+def test_a_search_says_with_what_it_might_have_begun() -> None:
+    found = search(planted(ACTUATOR, (GAIN, LATE), WAVE), Carried({}))
+    kinds = {one.added[0].kind for one in found.beginnings}
+    assert {one.kind for one in found.fitted.added} == {"scale_factor", "delay"}
+    assert kinds and found.fitted.added[0].kind not in kinds
 
 
 def test_a_load_friction_beside_coulomb_begins_gently() -> None:
@@ -70,3 +85,4 @@ def test_two_places_of_one_kind_that_say_something_else_are_a_set() -> None:
 def test_a_segment_that_waits_keeps_a_part_of_the_budget() -> None:
     ends = _ends([[2, 0], [1]], 1000.0, 100.0)
     assert ends[1] == 1000.0 + 100.0 * SEARCHED and ends[2] < ends[0] < ends[1]
+    assert min(_ends([list(range(40))], 1000.0, 100.0).values()) > 1000.0 + 0.4 * 100.0 * SEARCHED
