@@ -22,7 +22,6 @@ LATENESS = (0.5, 2.0, 8.0, 30.0)  # rows by which the signal is shifted to take 
 SLOWEST, FASTEST = 0.25, 10.0  # turns in the log, and Hz
 PADDING = 4
 LINES = 2  # highest lines tried at a port and a shift
-LOUD = 10.0  # χ² per row: a swing that takes most off and leaves more is one of many that cause the same slow drift
 LEAST, PART = 100.0, 0.3  # χ² that a swing must take off beyond the mean delay, and of what that leaves
 
 
@@ -37,7 +36,11 @@ def swings(base: Base, spots: Sequence[Spot]) -> list[Screened]:
 
 
 def _best(base: Base, way: Way, port: Port) -> Screened | None:
-    """The mean and the swing that take most off together, where the swing is worth it beside the mean."""
+    """The mean and the swing that take most off together, where the swing is worth it beside the mean.
+
+    One that takes most off is one of many that cause the same slow drift: the spectrum knows nothing of what free
+    values can do, and all frequencies are tried then.
+    """
     found: list[tuple[float, dict[str, float]]] = []
     for rows in LATENESS:
         seen = _slopes(base, way, port, rows)
@@ -47,7 +50,7 @@ def _best(base: Base, way: Way, port: Port) -> Screened | None:
     best = max((gain for gain, _ in found), default=0.0)
     rest = float(base.residual @ base.residual) - best
     seen = _slopes(base, way, port, LATENESS[1])
-    if seen is not None and best > rest > LOUD * len(base.residual):
+    if seen is not None and best > rest:
         found += _worth(base, way, seen, np.arange(SLOWEST, FASTEST * base.case.duration, 0.5) / base.case.duration)
     if not found:
         return None
