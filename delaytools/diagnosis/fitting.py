@@ -126,11 +126,14 @@ def fit_hypothesis(
 
 
 def _with_ends_open(parameters: tuple[Parameter, ...], residual: Array, slopes: Array) -> tuple[Parameter, ...]:
-    """The parameters with standard errors that allow for tolerated values on the end of their tolerance.
+    """The parameters with standard errors that allow for values on the end of their tolerance, or of what was searched.
 
-    Such a value is not known: it may lie anywhere within its tolerance that the logs leave open, and moves the others.
+    Such a value is not known: it may lie anywhere within its bounds that the logs leave open, and moves the others. An
+    effect's own value is as open as it would be without the bound.
     """
-    ends = [k for k, p in enumerate(parameters) if not p.fixed and np.isnan(p.std) and not is_added(p.path)]
+    shown = np.any(slopes != 0, axis=0)
+    open_ended = [not p.fixed and np.isnan(p.std) for p in parameters]
+    ends = [k for k, p in enumerate(parameters) if open_ended[k] and (shown[k] or not is_added(p.path))]
     inside = [k for k, p in enumerate(parameters) if np.isfinite(p.std) and p.std > 0]
     if not ends or not inside:
         return parameters
@@ -143,6 +146,8 @@ def _with_ends_open(parameters: tuple[Parameter, ...], residual: Array, slopes: 
     found = list(parameters)
     for k, error in zip(inside, errors, strict=True):
         found[k] = replace(parameters[k], std=float(np.hypot(parameters[k].std, error)))
+    for k, error in zip(ends, open_by, strict=True):
+        found[k] = replace(parameters[k], std=float(error)) if is_added(parameters[k].path) else found[k]
     return tuple(found)
 
 

@@ -1,7 +1,7 @@
 """What a search found in one segment, as plain figures that can travel between processes."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import final
 
 import numpy as np
@@ -85,7 +85,7 @@ def segment_report(found: Finding) -> SegmentReport:
         if members
     )
     certain = [not (members or left or found.exhausted) for members in sets]
-    missing = tuple(_missing(found, k, certain=certain[k]) for k in places_in_file(fitted.added))
+    missing = tuple(_missing(found, k, sets, certain=certain[k]) for k in places_in_file(fitted.added))
     return SegmentReport(
         case.exits, _as_it_was(case, fitted), _directions(case, fitted, sets), case.whitening,
         missing, _ranking(found, null), confusable, _steps(found, adequate=not left), left, _tolerated(case, fitted),
@@ -176,15 +176,22 @@ def _significant(blocks: int) -> float:
     return float(student.ppf(0.975, max(blocks - 1, 1)))
 
 
-def _missing(found: Finding, place: int, *, certain: bool) -> Missing:
+def _missing(found: Finding, place: int, sets: Sequence[tuple[Fitted, ...]], *, certain: bool) -> Missing:
     case, fitted = found.case, found.fitted
     one = fitted.added[place]
     close = [r for r in found.rivals[place] if cost(r) - cost(fitted) < ALIKE]
     same = [r.added[-1] for r in close if len(r.added) == len(fitted.added)]
     also = tuple(dict.fromkeys(o.at for o in same if _said(case, o) == _said(case, one) and o.at != one.at))
     settings = {**one.fixed, **{n: v for n, v in one.values.items() if n not in one.reported}}
-    values = quantities(case.segment.loop, fitted, place)
+    values = _spread_over(quantities(case.segment.loop, fitted, place), one, [f for group in sets for f in group])
     return Missing(one.kind, one.at, shown_at(case, one), values, settings, certain, also)
+
+
+def _spread_over(values: dict[str, Quantity], one: Added, rivals: Sequence[Fitted]) -> dict[str, Quantity]:
+    """The values of an effect with errors that allow for what it is beside the rivals of other effects, evenly."""
+    others = [a.values for rival in rivals for a in rival.added if a.key == one.key]
+    apart = {name: max((abs(v[name] - one.values[name]) for v in others), default=0.0) for name in values}
+    return {name: replace(q, std=float(np.hypot(q.std, apart[name] / np.sqrt(3)))) for name, q in values.items()}
 
 
 def shown_at(case: Case, one: Added) -> str:

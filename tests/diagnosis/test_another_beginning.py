@@ -12,8 +12,10 @@ from delaytools.diagnosis.case import Case
 from delaytools.diagnosis.diagnose import SEARCHED, _ends
 from delaytools.diagnosis.fitting import fit_hypothesis
 from delaytools.diagnosis.noise_of import Carried, is_loud
+from delaytools.diagnosis.quantities import quantities
 from delaytools.diagnosis.search import Finding, search
 from delaytools.diagnosis.second_look import begun_again
+from delaytools.diagnosis.segment_report import _spread_over
 from delaytools.signals.stimulus import Multisine
 from tests.diagnosis.small_cases import ACTUATOR, NOISE, SLIDE, fitted, planted
 from tests.diagnosis.test_what_hides import CARRIAGE, PUSH, found
@@ -80,6 +82,17 @@ def test_two_places_of_one_kind_that_say_something_else_are_a_set() -> None:
     claims = {(one.effect, one.at) for c in answer.confusable for one in c.members}
     assert {("scale_factor", "drive.x"), ("scale_factor", "drive.v")} <= claims
     assert not any(one.certain for one in answer.missing)
+
+
+def test_a_value_is_as_uncertain_as_what_stands_beside_it() -> None:
+    case = planted(ACTUATOR, (GAIN, LATE), WAVE)
+    lag = Added("lag", "act.input", {"time_constant": 0.008})
+    mine, rival = fitted(case, GAIN, LATE), fitted(case, GAIN, lag)
+    own = quantities(case.segment.loop, mine, 0)
+    apart = abs(rival.added[0].values["factor"] - mine.added[0].values["factor"])
+    assert _spread_over(own, mine.added[0], [])["factor"] == own["factor"]
+    wide = _spread_over(own, mine.added[0], [rival])["factor"]
+    assert wide.std == pytest.approx(np.hypot(own["factor"].std, apart / np.sqrt(3))) and apart > own["factor"].std
 
 
 def test_a_segment_that_waits_keeps_a_part_of_the_budget() -> None:

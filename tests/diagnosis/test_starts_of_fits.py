@@ -208,6 +208,19 @@ def test_a_value_on_its_bound_hides_no_effect() -> None:
     assert fixed == pytest.approx(narrow, rel=1e-6) and fixed[0] < base.gain(change)[0]
 
 
+def test_a_value_that_the_search_stops_is_as_open_as_without_its_bound() -> None:
+    """Its standard error was the numerical one alone, and the truth lay 52 of these off (k0012 of seed 2030)."""
+    gain = Added("scale_factor", "act.output", {"factor": 1.05})
+    case = planted(ACTUATOR, (Added("delay", "act.input", {"delay": 0.01}), gain), WAVE)
+    stopped, free = (
+        fitted(case, Added("delay", "act.input", {"delay": 0.009}, {}, frozenset(), {"delay": (0.0, most)}), gain)
+        for most in (0.009999, 1.0)
+    )
+    assert not stopped.inside.all() and free.inside.all()
+    for one, other in zip(stopped.parameters, free.parameters, strict=True):
+        assert one.std == pytest.approx(other.std, rel=0.2)
+
+
 def test_a_mode_as_dull_as_it_may_be_is_none() -> None:
     limits = {"damping": (1e-4, 0.4)}
     case = planted(ACTUATOR, (), WAVE)
