@@ -309,9 +309,11 @@ def _swapped(
         again = [one for one in again if _keys(one) != _keys(fitted)]  # a late search hands it back
         if again and cost(again[0]) < cost(fitted) - 1.0:
             ordered = (*again[0].added[:place], again[0].added[-1], *again[0].added[place:-1])
-            case, fitted = _rewhitened(case, replace(again[0], added=again[0].added), carried)
+            gone = fitted.added[place]
+            case, fitted = _rewhitened(case, again[0], carried)
             fitted = fit_hypothesis(case, ordered, near=fitted)
-            again = again[1:]
+            before = attempt(case, (*again[0].added[:-1], gone), fitted, STEPS)  # hardly worse, it may be
+            again = [*again[1:], *([] if before is None else [before])]
         rivals[place] = again
     return case, fitted, rivals
 

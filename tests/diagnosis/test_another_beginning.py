@@ -13,7 +13,7 @@ from delaytools.diagnosis.diagnose import SEARCHED, _ends
 from delaytools.diagnosis.fitting import fit_hypothesis
 from delaytools.diagnosis.noise_of import Carried, is_loud
 from delaytools.diagnosis.quantities import quantities
-from delaytools.diagnosis.search import Finding, search
+from delaytools.diagnosis.search import Finding, _swapped, search
 from delaytools.diagnosis.second_look import begun_again
 from delaytools.diagnosis.segment_report import _spread_over
 from delaytools.signals.stimulus import Multisine
@@ -82,6 +82,14 @@ def test_two_places_of_one_kind_that_say_something_else_are_a_set() -> None:
     claims = {(one.effect, one.at) for c in answer.confusable for one in c.members}
     assert {("scale_factor", "drive.x"), ("scale_factor", "drive.v")} <= claims
     assert not any(one.certain for one in answer.missing)
+
+
+def test_what_a_swap_takes_out_stays_a_rival() -> None:
+    case = planted(ACTUATOR, (GAIN, LATE), WAVE)
+    lag = Added("lag", "act.input", {"time_constant": 0.008})
+    _, answer, rivals = _swapped(case, fitted(case, lag, GAIN), [[], []], Carried({}), everything=False)
+    assert [one.kind for one in answer.added] == ["delay", "scale_factor"]
+    assert "lag" in [one.added[-1].kind for one in rivals[0]]
 
 
 def test_a_value_is_as_uncertain_as_what_stands_beside_it() -> None:
