@@ -22,6 +22,7 @@ FASTEST = 10.0  # Hz of a delay's swing
 STICTION = 1.3  # times the level: size at which the direction of a larger breakaway force is taken
 CLEARLY = 1.5  # times the level: a breakaway force that is clearly another one
 FASTER = 1.0  # times the speeds seen: force that falls beyond them is not seen to fall
+BEYOND = 1.5  # the same, where it is fitted: as seen beside another hypothesis they are not sharp
 SLOW = 0.3  # times these: a force that falls up to there is seen in what a slow motion does, where that is told at all
 APART = 0.2  # of the Coulomb level: by how much it may miss lying between the forces at speed and at breakaway
 SPEEDS = (3.0, 8.0, 25.0, 80.0)  # times the smoothing width
@@ -79,7 +80,7 @@ def _breaking_away(base: Base, place: int, least: float) -> Added | None:
     """Friction that is larger at breakaway, at the speed over which it falls that takes most off."""
     one = base.fitted.added[place]
     level, width = one.values["level"], one.values["smoothing"]
-    fastest = max(FASTER * base.view.state(find_port(base.case.segment.loop, one.at)), 2 * width)
+    fastest = max(BEYOND * base.view.state(find_port(base.case.segment.loop, one.at)), 2 * width)
     between = {"level": (0.0, (1 + APART) * level), "stiction": ((1 - APART) * level, np.inf)}
     limits = {**one.limits, **between, "speed": (width, fastest)}
     best, most = None, max(LEAST_GAIN, least)
