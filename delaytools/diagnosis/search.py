@@ -77,9 +77,10 @@ def search(case: Case, carried: Carried, *, deadline: float = np.inf, begin: Fit
         if best is None:
             break
         beginnings = beginnings if fitted.added else further
-        seen, best, others = _resolved(seen, best, others)
-        before = _refit(seen, fitted)
-        why = "" if before is None else objection(seen, before, best, carried)
+        why, coarse = _refused(seen, fitted, best, carried), seen
+        if not why:
+            seen, best, others = _resolved(seen, best, others)
+            why = "" if seen is coarse else _refused(seen, fitted, best, carried)
         if why:
             refused = best.added[-1], why
             break
@@ -149,6 +150,12 @@ def _resolved(case: Case, best: Fitted, others: list[Fitted]) -> tuple[Case, Fit
         return case, best, others
     first, *rest = _again(case, [best, *others], best)
     return case, first, rest
+
+
+def _refused(case: Case, fitted: Fitted, best: Fitted, carried: Carried) -> str:
+    """Why the last effect of the best hypothesis is not to be named beside what was found; "" where it is."""
+    before = _refit(case, fitted)
+    return "" if before is None else objection(case, before, best, carried)
 
 
 def _left(case: Case, fitted: Fitted) -> float:
