@@ -56,12 +56,14 @@ def plainer(fitted: Fitted) -> tuple[Added, ...] | None:
 def breaking_away_as_well(case: Case, fitted: Fitted, place: int) -> Fitted | None:
     """The hypothesis with Coulomb friction as friction that is clearly larger at breakaway, put last.
 
-    By half at least, and up to speeds that the log resolves well: where that explains the log as well,
-    the log does not tell the two apart.
+    By half at least, and up to speeds that the log resolves well, or up to those of a slow motion: where that explains
+    the log as well, the log does not tell the two apart.
     """
     one = fitted.added[place]
     level, width = one.values["level"], one.values["smoothing"]
     fastest = FASTER * base_of(case, fitted).view.state(find_port(case.segment.loop, one.at))
+    if fastest <= 0:
+        return None
     slowest = min(SPEEDS[1] * width, SLOW * fastest)
     limits = {
         **one.limits,
