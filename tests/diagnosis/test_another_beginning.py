@@ -16,6 +16,7 @@ from delaytools.diagnosis.quantities import quantities
 from delaytools.diagnosis.search import Finding, _swapped, search
 from delaytools.diagnosis.second_look import begun_again
 from delaytools.diagnosis.segment_report import _spread_over
+from delaytools.diagnosis.upgrades import breaking_away_as_well
 from delaytools.signals.stimulus import Multisine
 from tests.diagnosis.small_cases import ACTUATOR, NOISE, SLIDE, fitted, planted
 from tests.diagnosis.test_what_hides import CARRIAGE, PUSH, found
@@ -107,3 +108,14 @@ def test_a_segment_that_waits_keeps_a_part_of_the_budget() -> None:
     ends = _ends([[2, 0], [1]], 1000.0, 100.0)
     assert ends[1] == 1000.0 + 100.0 * SEARCHED and ends[2] < ends[0] < ends[1]
     assert min(_ends([list(range(40))], 1000.0, 100.0).values()) > 1000.0 + 0.4 * 100.0 * SEARCHED
+
+
+def test_coulomb_friction_in_a_slow_motion_has_a_rival_that_breaks_away() -> None:
+    slow = Multisine(amplitude=4.0, from_frequency=0.2, to_frequency=1.0, lines=8)
+    friction = Added("coulomb_friction", "drive.v'", {"level": 1.0, "smoothing": 0.1})
+    case = planted(SLIDE, (friction,), slow, noise=0.05)
+    alone = fit_hypothesis(case, (friction,))
+    rival = breaking_away_as_well(case, alone, 0)
+    assert rival is not None and rival.chi2 < alone.chi2 + 12.0
+    one = rival.added[-1]
+    assert one.kind == "stribeck_friction" and one.values["stiction"] > 1.4 * one.values["level"]
