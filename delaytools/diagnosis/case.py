@@ -1,7 +1,7 @@
 """One segment and the logs that drive it: measured exits against the model under a hypothesis, whitened."""
 
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, final
@@ -13,12 +13,12 @@ from delaytools.blocks.block import flat_values
 from delaytools.blocks.equations import Equations
 from delaytools.diagnosis.added import SEEN, Added, with_added
 from delaytools.diagnosis.noise import FEW_ODD, LARGEST, RESOLVED, RESOLVED_HELD, Whitening, wiener_part
-from delaytools.diagnosis.pieces import Begun, starts_shown
 from delaytools.estimation.noise_level import difference_noise
 from delaytools.loop.loop import Element, Loop
 from delaytools.loop.port import find_port, written_at
 from delaytools.loop.segments import Segment
 from delaytools.loop.values import value_paths, with_numbers
+from delaytools.measurement.beginnings import Begun, run_begun, starts_shown
 from delaytools.signals.expression import Expression
 from delaytools.signals.parameter import Parameter
 from delaytools.signals.record import Record
@@ -192,17 +192,19 @@ class Case:
         if not self.pieces or len(self._begun_last) < len(self.records):
             return self.outputs(added, values)
         runs = [replay.run(values) for replay in self.replays(added)]
-        last = [replace(self._begun_last[log], filters=self.whitening) for log in range(len(runs))]
+        last = [replace(self._begun_last[log], filters=self._applied) for log in range(len(runs))]
         trios = zip(self.measured, runs, last, strict=True)
         return tuple(m - one.without((m - y)[:, :, None])[:, :, 0] for m, y, one in trios)
 
     def _begun(self, log: int, replay: Replay, values: tuple[float, ...]) -> tuple[Array, Begun]:
-        rows, columns = replay.run_with_starts(values)
-        anew = {state for _, states in self._begins[log] for state in states}
-        own = np.array([state in anew for state in replay.starts(values)], dtype=bool)
-        scale = np.array([float(np.std(self.measured[log][:, j])) or 1.0 for j in range(len(self.exits))])
-        self._begun_last[log] = Begun(self.pieces[log], columns, own, self.whitening, scale)
+        rows, self._begun_last[log] = run_begun(
+            replay, values, self.measured[log], self.pieces[log], self._applied
+        )
         return rows, self._begun_last[log]
+
+    @property
+    def _applied(self) -> tuple[Callable[[Array], Array], ...]:
+        return tuple(one.apply for one in self.whitening)
 
     def residual(self, outputs: tuple[Array, ...]) -> Array:
         """(rows,): measured minus model, whitened."""

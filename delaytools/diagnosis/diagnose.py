@@ -18,7 +18,7 @@ from delaytools.diagnosis.driving import driven_best
 from delaytools.diagnosis.extent import searched_rows
 from delaytools.diagnosis.noise import Whitening, wiener_part
 from delaytools.diagnosis.noise_of import EXACT, Carried, column_noise
-from delaytools.diagnosis.runs import as_logged, differing, pieces_in_words, pieces_of
+from delaytools.diagnosis.runs import as_logged, differing
 from delaytools.diagnosis.search import search
 from delaytools.diagnosis.second_look import begun_again
 from delaytools.diagnosis.segment_report import SegmentReport, segment_report
@@ -28,6 +28,7 @@ from delaytools.loop.network import network
 from delaytools.loop.segments import Segment, segments
 from delaytools.loop.values import resolve
 from delaytools.measurement.log_checks import check_raster
+from delaytools.measurement.pieces import pieces_in_words, pieces_of
 from delaytools.measurement.segment_runs import held_by_design
 from delaytools.measurement.staircase import with_staircases_held
 from delaytools.signals.record import Record

@@ -15,7 +15,8 @@ from delaytools.loop.values import resolve
 from delaytools.measurement.closed_loop_run import closed_loop_runs
 from delaytools.measurement.comparison import Comparison, SignalComparison
 from delaytools.measurement.judge import Judged, judged
-from delaytools.measurement.measures import figures, resolution
+from delaytools.measurement.measures import counted, cut, figures, resolution
+from delaytools.measurement.pieces import pieces_in_words, pieces_of
 from delaytools.measurement.segment_runs import (
     SegmentRun,
     column_noise,
@@ -41,7 +42,9 @@ def compare(
     The loop is cut at its measured signals; each piece is run from the measured signals at its entries alone, so an
     error stays where it arises, and an unstable loop can be compared. Nothing is fitted. The noise of a measured input
     is sent through the piece too: what it does there is no error of the model. Several logs: figures of each, and of
-    all together. Raises DesignError where no measured signal is written by a block, AnalysisError without a log.
+    all together. What the design says under [log] holds: rows that do not count are left out, and the states begin
+    anew with each stretch of a log where it does not begin at rest. Raises DesignError where no measured signal is
+    written by a block, AnalysisError without a log.
     """
     if not records:
         raise AnalysisError("no log to compare with", advice="give at least one log")
@@ -52,7 +55,9 @@ def compare(
     ready = tuple(record.only(n for n in record.names if n in measured) for record in ready)
     tolerated = tuple(design.tables.tolerance) if isinstance(design, Design) else ()
     sampled = network(resolve(loop)).held_signals
-    runs = [run_segment(part, ready, sampled) for part in segments(loop, measured)]
+    pieces = pieces_of(design, ready) if isinstance(design, Design) else ()
+    said = pieces_in_words(design, pieces) if isinstance(design, Design) else ()
+    runs = [run_segment(part, ready, sampled, pieces) for part in segments(loop, measured)]
     references = [n for n in loop.externals if n in measured]
     found = [
         _signal(run, exit, ready, references, loop)
@@ -67,7 +72,7 @@ def compare(
         where=where_it_fails(found, tolerated),
         closed_loop=closed_loop_runs(loop, ready),
         not_compared={exit: run.why for run in runs if run.why for exit in run.segment.exits},
-        notes=(*words, *_said(tolerated)),
+        notes=(*words, *said, *_said(tolerated)),
     )
 
 
@@ -88,8 +93,12 @@ def _signal(
     overall = figures("all logs" if len(traces) > 1 else names[0], traces, held=held)
     each = tuple(figures(n, [trace], held=held) for n, trace in zip(names, traces, strict=True))
     if overall.rms_error is None:
-        traces = tuple((t, y, np.where(np.isfinite(m), m, 0.0)) for t, y, m in traces)
-    verdict = judged(traces, _own_noise(records, exit), run.carried[exit], _columns(records, references))
+        traces = tuple((t, y, np.where(np.isinf(m), 0.0, m)) for t, y, m in traces)
+    rows = counted(traces)
+    columns = [[records[log][name][part] for log, part in rows] for name in references]
+    carried = [run.carried[exit][log][part] for log, part in rows]
+    parts = [record.rows(~np.isnan(m)) for record, (_, _, m) in zip(records, traces, strict=True)]
+    verdict = judged(cut(traces), _own_noise(parts, exit), carried, columns)
     unit = loop.units.get(exit, "")
     spread = strips(traces, verdict.spectra, unit)
     return SignalComparison(
@@ -113,10 +122,6 @@ def _own_noise(records: Sequence[Record], exit: str) -> float:
         return 0.0
     sizes = [column_noise(r, exit) or resolution(r[exit]) / np.sqrt(12.0) for r in records]
     return float(np.sqrt(np.mean(np.square(sizes))))
-
-
-def _columns(records: Sequence[Record], names: Sequence[str]) -> list[list[Array]]:
-    return [[record[n] for record in records] for n in names]
 
 
 def _log_name(record: Record, number: int) -> str:

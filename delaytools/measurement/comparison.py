@@ -96,7 +96,7 @@ class SignalComparison:
     noise_rms: of the signal itself, without a model. carried_noise_rms: what the noise of measured inputs sends
     through the segment. explained_rms: both together, and rounding. difference_rms: error beyond that.
     verdict: "adequate" or "fails"; reason in words. worst_times: (from, to, share); worst_bands: (from, to, share,
-    coherence). traces: per log (time, measured, model).
+    coherence). traces: per log (time, measured, model), the model NaN in rows that do not count.
     """
 
     signal: str

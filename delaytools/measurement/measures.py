@@ -11,13 +11,27 @@ from scipy.optimize import minimize_scalar
 
 from delaytools.measurement.comparison import Figures, Shift, Theil
 
-__all__ = ["Trace", "best_shift", "figures", "fit_percent", "resolution", "rms", "theil"]
+__all__ = ["Trace", "best_shift", "counted", "cut", "figures", "fit_percent", "resolution", "rms", "theil"]
 
 Array = NDArray[np.float64]
 Trace = tuple[Array, Array, Array]  # time, measured, modelled
 FARTHEST = 0.25  # s, of a time shift
 PART = 0.2  # of the log's length, likewise
 FLAT = 1e-12  # of a signal's size: below it, it does not move
+
+
+def counted(traces: Sequence[Trace]) -> list[tuple[int, slice]]:
+    """(log, rows) of the stretches that count: where the model is not NaN."""
+    found = list[tuple[int, slice]]()
+    for log, (_, _, model) in enumerate(traces):
+        turns = np.flatnonzero(np.diff(np.r_[0, (~np.isnan(model)).astype(int), 0]))
+        found += [(log, slice(int(a), int(b))) for a, b in zip(turns[::2], turns[1::2], strict=True)]
+    return found
+
+
+def cut(traces: Sequence[Trace]) -> list[Trace]:
+    """The traces cut to the rows that count, stretch by stretch."""
+    return [(t[rows], y[rows], m[rows]) for log, rows in counted(traces) for t, y, m in [traces[log]]]
 
 
 def rms(values: Array) -> float:
@@ -57,10 +71,10 @@ def theil(measured: Array, modelled: Array) -> Theil:
 def best_shift(traces: Sequence[Trace], *, held: bool = False) -> Shift:
     """The shift τ for which ŷ(t - τ) is nearest to y(t), all logs together.
 
-    Searched row by row within ±0.25 s or a fifth of the shortest log, then between rows on a spline through ŷ (on
+    Searched row by row within ±0.25 s or a fifth of the usual trace, then between rows on a spline through ŷ (on
     straight lines where the signal is held). Errors are rms over the rows that every shift leaves.
     """
-    far = min(FARTHEST, *(PART * float(t[-1] - t[0]) for t, _, _ in traces))
+    far = min(FARTHEST, PART * float(np.median([t[-1] - t[0] for t, _, _ in traces])))
     step = min(float(np.median(np.diff(t))) for t, _, _ in traces)
     still = all(np.ptp(model) <= FLAT * (1e-300 + np.abs(model).max()) for _, _, model in traces)
     if far < 2 * step or still:
@@ -97,7 +111,8 @@ def _cost(
 
 
 def figures(name: str, traces: Sequence[Trace], *, held: bool = False) -> Figures:
-    """The figures of one log, or of several as one."""
+    """The figures of one log, or of several as one, by the rows that count."""
+    traces = cut(traces)
     measured = np.concatenate([y for _, y, _ in traces])
     modelled = np.concatenate([m for _, _, m in traces])
     if not np.isfinite(modelled).all():

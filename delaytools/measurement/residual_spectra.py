@@ -47,6 +47,8 @@ def windowed(rows: Array, window: int) -> NDArray[np.complex128]:
     taper = np.hanning(window + 1)[:-1]
     taper = taper / np.sqrt(np.sum(taper**2))
     starts = range(0, len(rows) - window + 1, max(window // 2, 1))
+    if not starts:
+        return np.zeros((0, window // 2 + 1), dtype=complex)
     found = np.fft.rfft(np.stack([rows[s : s + window] * taper for s in starts]), axis=1)
     found[:, 1 : (window + 1) // 2] *= np.sqrt(2.0)
     return np.asarray(found / np.sqrt(window), dtype=complex)
@@ -88,9 +90,12 @@ def spectra(
 
 
 def _window(lengths: Sequence[int]) -> int:
-    """Rows of a piece: 1024, or less where a log is shorter than a dozen of them."""
+    """Rows of a piece: 1024, or less where logs are shorter than a dozen of them, or the usual one than that.
+
+    Logs that are shorter still are left out.
+    """
     wanted = max(16, min(WINDOW, 2 ** int(np.log2(max(sum(lengths) // 12, 16)))))
-    return min(wanted, *lengths)
+    return min(wanted, int(np.median(lengths)))
 
 
 def bands(frequency: Array, parts: int = 24) -> list[slice]:

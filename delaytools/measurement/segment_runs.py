@@ -2,6 +2,7 @@
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import final
 
 import numpy as np
@@ -13,8 +14,10 @@ from delaytools.loop.loop import Loop
 from delaytools.loop.network import network
 from delaytools.loop.segments import Segment
 from delaytools.loop.values import resolve
+from delaytools.measurement.beginnings import run_begun, starts_shown
 from delaytools.measurement.log_checks import check_raster
 from delaytools.measurement.measures import Trace, resolution
+from delaytools.measurement.pieces import counting_rows
 from delaytools.measurement.staircase import with_staircases_held
 from delaytools.signals.record import Record
 from delaytools.signals.trouble import DelaytoolsError
@@ -35,6 +38,7 @@ PIECEWISE = 0.02  # of its rows: a signal that changes in fewer keeps its value 
 class SegmentRun:
     """A segment on its logs. traces: exit -> per log (time, measured, model). carried: exit -> per log (n,).
 
+    The model is NaN in rows that do not count, infinite where it has run away.
     sent: entry -> standard deviation of its own noise, where it has some. why: in words, where it could not be run.
     """
 
@@ -76,70 +80,101 @@ def column_noise(record: Record, name: str) -> float:
     return found if found > RESOLVED * float(np.abs(values).max(initial=0.0)) else 0.0
 
 
-def run_segment(segment: Segment, records: Sequence[Record], sampled: Collection[str] = ()) -> SegmentRun:
+def run_segment(
+    segment: Segment,
+    records: Sequence[Record],
+    sampled: Collection[str] = (),
+    pieces: Sequence[tuple[tuple[int, int], ...]] = (),
+) -> SegmentRun:
     """The segment driven by what each log measured at its entries.
 
-    sampled: signals that sampled blocks write; they were 0 before a log that starts at t = 0.
+    sampled: signals that sampled blocks write; they were 0 before a log that starts at t = 0. pieces: per log,
+    (first, last + 1) of the rows that count, the states beginning anew with each as fits best; () = all, from rest.
     """
     absent = [n for n in segment.entries if n not in records[0] and n not in segment.loop.random]
     if absent:
         return SegmentRun(segment, {}, {}, {}, f"no column for {', '.join(absent)}, which drives it")
-    sent = {n: column_noise(records[0], n) for n in segment.entries if n in records[0]}
+    each = pieces or ((),) * len(records)
+    counted = records[0].rows(counting_rows(records[0], each[0]))
+    sent = {n: column_noise(counted, n) for n in segment.entries if n in counted}
     sent = {n: size for n, size in sent.items() if size > 0}
     try:
-        pairs = [_run(segment, record, sent, sampled) for record in records]
+        runs = [_OnLog(segment, r, sampled, own).rows(sent) for r, own in zip(records, each, strict=True)]
     except DelaytoolsError as error:
         return SegmentRun(segment, {}, {}, {}, str(error))
     traces = {
-        exit: tuple((r.time, r[exit], rows[:, j]) for r, (rows, _) in zip(records, pairs, strict=True))
+        exit: tuple((r.time, r[exit], rows[:, j]) for r, (rows, _) in zip(records, runs, strict=True))
         for j, exit in enumerate(segment.exits)
     }
-    carried = {exit: tuple(change[:, j] for _, change in pairs) for j, exit in enumerate(segment.exits)}
+    carried = {exit: tuple(change[:, j] for _, change in runs) for j, exit in enumerate(segment.exits)}
     return SegmentRun(segment, traces, carried, sent)
 
 
-def _run(
-    segment: Segment, record: Record, sent: Mapping[str, float], sampled: Collection[str]
-) -> tuple[Array, Array]:
-    """(n, exits) of the model, and what noise on the entries adds to it.
+@final
+@dataclass(frozen=True, eq=False)
+class _OnLog:
+    """A segment on one log, in pieces (() = whole, from rest)."""
 
-    Columns are joined by straight lines or by splines between rows, whichever leaves less: what lies between the rows
-    is not known, and no error of the model.
-    """
-    curved = [n for n in segment.entries if n in record and n not in record.held and resolution(record[n]) == 0]
-    smooth, rows = _nearest(segment, record, sampled, curved)
-    if not sent or not np.isfinite(rows).all():
-        return rows, np.zeros_like(rows)
-    draw = np.random.default_rng(SEED)
-    noisy = {n: record[n] + size * draw.standard_normal(len(record)) for n, size in sent.items()}
-    moved = Record(record.time, {**record.columns, **noisy}, record.units, record.held)
-    return rows, _replay(segment, moved, sampled, smooth).run() - rows
+    segment: Segment
+    record: Record
+    sampled: Collection[str]
+    pieces: tuple[tuple[int, int], ...]
 
+    def rows(self, sent: Mapping[str, float]) -> tuple[Array, Array]:
+        """(n, exits) of the model, and what noise of these sizes on the entries adds to it.
 
-def _nearest(
-    segment: Segment, record: Record, sampled: Collection[str], curved: Sequence[str]
-) -> tuple[Sequence[str], Array]:
-    """Which columns are joined by a spline (all or none), and the rows of the model then."""
-    measured = np.stack([record[exit] for exit in segment.exits], axis=1)
-    straight = _finite(_replay(segment, record, sampled, ()).run(), measured)
-    if not curved or not np.isfinite(straight).all():
-        return (), straight
-    spline = _finite(_replay(segment, record, sampled, curved).run(), measured)
-    size = np.where(measured.std(axis=0) > 0, measured.std(axis=0), 1.0)
-    left = [float(np.sum(((measured - rows) / size) ** 2)) for rows in (spline, straight)]
-    return (curved, spline) if left[0] < left[1] else ((), straight)
+        Columns are joined by straight lines or by splines between rows, whichever leaves less: what lies between the
+        rows is not known, and no error of the model.
+        """
+        smooth, rows = self._nearest()
+        if not sent or not np.isfinite(rows[self._counted]).all():
+            return rows, np.zeros_like(rows)
+        draw, record = np.random.default_rng(SEED), self.record
+        noisy = {n: record[n] + size * draw.standard_normal(len(record)) for n, size in sent.items()}
+        moved = Record(record.time, {**record.columns, **noisy}, record.units, record.held)
+        return rows, self._run(moved, smooth) - rows
 
+    def _nearest(self) -> tuple[Sequence[str], Array]:
+        """Which columns are joined by a spline (all or none), and the rows of the model then."""
+        record, rows = self.record, self._counted
+        curved = [
+            n for n in self.segment.entries if n in record and n not in record.held and resolution(record[n]) == 0
+        ]
+        straight = self._finite(self._run(record, ()))
+        if not curved or not np.isfinite(straight[rows]).all():
+            return (), straight
+        spline = self._finite(self._run(record, curved))
+        spread = self._measured[rows].std(axis=0)
+        size = np.where(spread > 0, spread, 1.0)
+        left = [float(np.sum(((self._measured - found)[rows] / size) ** 2)) for found in (spline, straight)]
+        return (curved, spline) if left[0] < left[1] else ((), straight)
 
-def _finite(rows: Array, measured: Array) -> Array:
-    """The rows, NaN where the model has run away."""
-    far = RUNAWAY * max(float(np.abs(measured).max(initial=0.0)), 1.0)
-    with np.errstate(invalid="ignore"):
-        return np.where(np.abs(rows) < far, rows, np.nan)
+    @cached_property
+    def _measured(self) -> Array:
+        return np.stack([self.record[exit] for exit in self.segment.exits], axis=1)
 
+    @cached_property
+    def _counted(self) -> NDArray[np.bool_]:
+        """(n,) which rows count."""
+        return counting_rows(self.record, self.pieces)
 
-def _replay(segment: Segment, record: Record, sampled: Collection[str], smooth: Collection[str]) -> Replay:
-    columns = {name: name.removesuffix("@read") for name in segment.loop.externals}
-    rest = [n for n in sampled if n in record.held and abs(float(record.time[0])) < START]
-    driven = driven_by(record, set(columns.values()), at_rest=rest, smooth=smooth)
-    stimuli = {name: driven[column] for name, column in columns.items() if column in driven}
-    return Replay(segment.loop, stimuli, record.time - record.time[0], segment.exits)
+    def _finite(self, rows: Array) -> Array:
+        """The rows, infinite where the model has run away."""
+        far = RUNAWAY * max(float(np.abs(self._measured).max(initial=0.0)), 1.0)
+        with np.errstate(invalid="ignore"):
+            near = np.where(np.abs(rows) < far, rows, np.inf)
+        near[~self._counted] = np.nan
+        return near
+
+    def _run(self, record: Record, smooth: Collection[str]) -> Array:
+        segment, time = self.segment, record.time - record.time[0]
+        columns = {name: name.removesuffix("@read") for name in segment.loop.externals}
+        rest = [n for n in self.sampled if n in record.held and abs(float(record.time[0])) < START]
+        driven = driven_by(record, set(columns.values()), at_rest=rest, smooth=smooth)
+        stimuli = {name: driven[column] for name, column in columns.items() if column in driven}
+        begins = starts_shown(segment.loop, record, [first for first, _ in self.pieces])
+        replay = Replay(segment.loop, stimuli, time, segment.exits, begins=begins)
+        if not self.pieces:
+            return replay.run()
+        rows, begun = run_begun(replay, (), self._measured, self.pieces)
+        return self._measured - begun.without((self._measured - rows)[:, :, None])[:, :, 0]

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delaytools.measurement.comparison import LevelShare, Strips
-from delaytools.measurement.measures import Trace
+from delaytools.measurement.measures import Trace, cut
 from delaytools.measurement.residual_spectra import Spectra, bands
 
 __all__ = ["strips", "worst_bands", "worst_levels", "worst_times"]
@@ -19,9 +19,9 @@ MORE = 1.5  # times its even share: a stretch that is worth naming
 
 
 def strips(traces: Sequence[Trace], seen: Spectra, unit: str) -> Strips:
-    """The squared error over time (logs one after the other), frequency, amplitude and rate."""
+    """The squared error of the rows that count over time (logs one after the other), frequency, amplitude and rate."""
     time = _joined_time(traces)
-    square = np.concatenate([(y - m) ** 2 for _, y, m in traces])
+    square = np.concatenate([np.nan_to_num((y - m) ** 2) for _, y, m in traces])
     total = max(float(square.sum()), 1e-300)
     edges = np.linspace(time[0], time[-1], BLOCKS + 1)
     over_time = np.histogram(time, edges, weights=square)[0] / total
@@ -32,7 +32,7 @@ def strips(traces: Sequence[Trace], seen: Spectra, unit: str) -> Strips:
     starts = [seen.frequency[g.start] for g in groups]
     return Strips(
         edges, over_time, np.array([*starts, seen.frequency[-1]]), power / max(power.sum(), 1e-300), gamma,
-        noise / max(power.sum(), 1e-300), _levels(traces, square / total, unit),
+        noise / max(power.sum(), 1e-300), _levels(cut(traces), unit),
     )  # fmt: skip
 
 
@@ -48,7 +48,9 @@ def _mean(values: Array, weights: Array) -> float:
     return float(np.average(values, weights=weights)) if weights.sum() > 0 else 0.0
 
 
-def _levels(traces: Sequence[Trace], share: Array, unit: str) -> tuple[LevelShare, ...]:
+def _levels(traces: Sequence[Trace], unit: str) -> tuple[LevelShare, ...]:
+    square = np.concatenate([(y - m) ** 2 for _, y, m in traces])
+    share = square / max(float(square.sum()), 1e-300)
     amplitude = np.concatenate([np.abs(m) for _, _, m in traces])
     rate = np.concatenate([np.abs(np.gradient(m, t)) for t, _, m in traces])
     return (*_binned("amplitude", amplitude, share, unit), *_binned("rate", rate, share, _per_second(unit)))

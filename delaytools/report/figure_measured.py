@@ -43,7 +43,7 @@ def draw_measured(one: SignalComparison, message: str) -> Figure:
 def _close_up(time: np.ndarray, residual: np.ndarray) -> tuple[float, float]:
     """The stretch of a twentieth of the run with the largest squared error."""
     rows = max(8, int(_CLOSE * len(time)))
-    total = np.cumsum(np.r_[0.0, residual**2])
+    total = np.cumsum(np.r_[0.0, np.nan_to_num(residual) ** 2])
     first = int(np.argmax(total[rows:] - total[:-rows])) if len(time) > rows else 0
     return float(time[first]), float(time[min(first + rows, len(time) - 1)])
 

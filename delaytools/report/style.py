@@ -98,14 +98,17 @@ def title(figure: Figure, text: str) -> None:
 
 
 def thinned(t: NDArray[np.float64], y: NDArray[np.float64], points: int = 900) -> tuple[Any, Any]:
-    """The smallest and largest value of each bin, in their order, so that no peak is lost."""
+    """The smallest and largest value of each bin, in their order, so that no peak is lost; a bin of NaN is a gap."""
     if len(t) <= points:
         return t, y
     size = int(np.ceil(len(t) / (points // 2)))
     keep = []
     for start in range(0, len(t), size):
         part = y[start : start + size]
-        keep += sorted({start + int(np.argmin(part)), start + int(np.argmax(part))})
+        if np.isnan(part).all():
+            keep.append(start)
+        else:
+            keep += sorted({start + int(np.nanargmin(part)), start + int(np.nanargmax(part))})
     return t[keep], y[keep]
 
 

@@ -70,9 +70,9 @@ class Replay:
 
     free: paths whose values the runs take. All share one compiled step but those that shape the grid of a run: periods
     cost a new one whenever they change, delays where they then look back to other steps. begins: rows at which states
-    (element, state) are set to values, in order; all others go on. substeps: of a frame; None: as many as the loop
-    needs. finer: how many times finer than usual its steps are to be. steps: of each frame as last found, by this
-    replay or another of the log.
+    (element, state) are set to values (NaN: to what the run has there), in order; all others go on. substeps: of a
+    frame; None: as many as the loop needs. finer: how many times finer than usual its steps are to be. steps: of each
+    frame as last found, by this replay or another of the log.
     """
 
     loop: Loop

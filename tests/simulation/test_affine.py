@@ -68,7 +68,8 @@ def test_derivatives_are_the_same_by_matrices(name: str, paths: tuple[str, ...])
 def test_a_run_that_begins_anew_is_the_same_by_matrices() -> None:
     one = compiled("resonance loop", short=True)
     states = one.model.layout.states
-    anew = (Anew(0, states, np.ones(len(states))), Anew(700, states[:1], np.array([0.3])))
+    some = np.array([0.3, *np.full(len(states) - 1, np.nan)])
+    anew = (Anew(0, states, np.ones(len(states))), Anew(700, states[:1], some[:1]), Anew(900, states, some))
     found = run_with_derivatives(one, (), anew=anew, starts=states)
     with walked():
         known = run_with_derivatives(one, (), anew=anew, starts=states)

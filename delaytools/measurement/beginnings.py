@@ -1,4 +1,4 @@
-"""Logs in pieces: rows that count, states that begin anew with each piece, and the beginnings that fit best."""
+"""States that begin anew with each piece of a log: what the log shows of them, and the beginnings that fit best."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -9,43 +9,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delaytools.blocks.block import Continuous
-from delaytools.diagnosis.noise import Whitening
 from delaytools.loop.loop import Element, Loop
 from delaytools.loop.network import Key, position_of
 from delaytools.loop.port import written_behind
 from delaytools.loop.values import resolve
 from delaytools.signals.record import Record
+from delaytools.simulation.replay import Replay
 
-__all__ = ["Begun", "cut_rows", "long_gaps", "starts_shown"]
+__all__ = ["Begun", "run_begun", "starts_shown"]
 
 Array = NDArray[np.float64]
 NEIGHBOURS = 6  # rows on either side by which the value and the rate at a beginning are taken from a log
-SHORTEST = 8  # rows
-LONG = 5  # usual steps: what drives the bench in a longer gap between rows is not known
-
-
-def cut_rows(record: Record, wanted: NDArray[np.bool_], window: float | None) -> tuple[tuple[int, int], ...]:
-    """(first, last + 1) of stretches of wanted rows: none longer than the window (s), of a few rows, across a gap."""
-    time = record.time - record.time[0]
-    part = np.floor(time / window + 1e-9).astype(int) if window else np.zeros(len(time), dtype=int)
-    cuts = (np.diff(part) != 0) | (np.diff(wanted.astype(int)) != 0) | long_gaps(record)
-    label = np.cumsum(np.concatenate([[0], cuts]))
-    edges = np.concatenate([[0], np.flatnonzero(np.diff(label)) + 1, [len(time)]])
-    pairs = zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True)
-    return tuple((a, b) for a, b in pairs if wanted[a] and b - a >= SHORTEST)
-
-
-def long_gaps(record: Record) -> NDArray[np.bool_]:
-    """(n - 1,) whether the next row is so far that nobody knows what the bench did until then."""
-    steps = np.diff(record.time)
-    return np.asarray(steps > LONG * np.median(steps))
 
 
 def starts_shown(loop: Loop, record: Record, rows: Sequence[int]) -> tuple[tuple[int, Mapping[Key, float]], ...]:
     """Per row where a piece begins: every continuous state's value there.
 
     A state that an output shows takes the measured value, the rate of such a state the measured slope; others take
-    the value that the design begins with.
+    the value that the design begins with at the log's first row, and later the one that the run has there (NaN).
     """
     whole = resolve(loop)
     blocks = [e for e in whole.elements if isinstance(e.block, Continuous) and e.block.states]
@@ -55,7 +36,7 @@ def starts_shown(loop: Loop, record: Record, rows: Sequence[int]) -> tuple[tuple
 def _shown(loop: Loop, element: Element, record: Record, row: int) -> dict[Key, float]:
     block = element.block
     assert isinstance(block, Continuous)
-    found = {s: float(v) for s, v in zip(block.states, block.initial_state, strict=True)}
+    found = {s: float(v) if row == 0 else np.nan for s, v in zip(block.states, block.initial_state, strict=True)}
     x, u = [ca.SX.sym(s) for s in block.states], [ca.SX.sym(name) for name in block.inputs]
     for port, formula in zip(block.outputs, block.output(ca.SX.sym("t"), x, u), strict=True):
         for state, symbol in zip(block.states, x, strict=True):
@@ -80,13 +61,13 @@ class Begun:
     """What free beginnings of the pieces of one log can do at its exits.
 
     columns (n, exits, states): response to each state's value at the last beginning. own: which states begin anew
-    with every piece; the others begin once.
+    with every piece; the others begin once. filters: per exit, what whitens its rows; () weighs by `scale` (exits,).
     """
 
     pieces: tuple[tuple[int, int], ...]
     columns: Array
     own: NDArray[np.bool_]
-    filters: tuple[Whitening, ...]
+    filters: tuple[Callable[[Array], Array], ...]
     scale: Array
 
     def filtered(self, rows: Array) -> Array:
@@ -95,7 +76,7 @@ class Begun:
 
     def _piece(self, rows: Array) -> Array:
         if self.filters:
-            return np.concatenate([f.apply(rows[:, j]) for j, f in enumerate(self.filters)])
+            return np.concatenate([f(rows[:, j]) for j, f in enumerate(self.filters)])
         return np.concatenate([rows[:, j] / self.scale[j] for j in range(rows.shape[1])])
 
     def without(self, rows: Array) -> Array:
@@ -109,6 +90,24 @@ class Begun:
         for a, b in self.pieces:
             once[a:b] = both[a:b, :, rows.shape[2] :]
         return _projected(self.filtered, found, once)
+
+
+def run_begun(
+    replay: Replay,
+    values: tuple[float, ...],
+    measured: Array,
+    pieces: tuple[tuple[int, int], ...],
+    filters: tuple[Callable[[Array], Array], ...] = (),
+) -> tuple[Array, Begun]:
+    """(n, exits) of a run whose pieces begin as the replay says, and what other beginnings would do to it.
+
+    measured (n, exits): its spread weighs the exits against each other where there are no filters.
+    """
+    rows, columns = replay.run_with_starts(values)
+    anew = {state for _, states in replay.begins for state in states}
+    own = np.array([state in anew for state in replay.starts(values)], dtype=bool)
+    spread = measured.std(axis=0)
+    return rows, Begun(pieces, columns, own, filters, np.where(spread > 0, spread, 1.0))
 
 
 def _projected(filtered: Callable[[Array], Array], rows: Array, columns: Array) -> Array:
