@@ -202,7 +202,7 @@ def tune(
     out: Annotated[str | None, typer.Option("--out", metavar="FILE", help="Write the tuned design.")] = None,
     gate: Annotated[bool, typer.Option("--gate", help="Exit 1 where a goal is not met.")] = False,
 ) -> None:
-    """Tune what [tuning] names, on the exact-delay loop, against the loop that flies."""
+    r"""Tune what \[tuning] names, on the exact-delay loop, against the loop that flies."""
     from delaytools.cli.words import tuned_lines
     from delaytools.design.file import write_design
     from delaytools.tuning.tune_design import tune_design
@@ -262,7 +262,7 @@ def report(
     out: Annotated[
         str, typer.Option("--out", metavar="DIR", help="Where the report is written.")
     ] = "reports",
-    tuning: Annotated[bool, typer.Option(help="Tune what [tuning] names first, and show it.")] = True,
+    tuning: Annotated[bool, typer.Option(help=r"Tune what \[tuning] names first, and show it.")] = True,
     configuration: Configuration = None,
     search: Annotated[bool, typer.Option(help="Search the logs for missing effects.")] = True,
     budget: Budget = None,

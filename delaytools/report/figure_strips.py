@@ -7,6 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
+from matplotlib.ticker import NullFormatter
 
 from delaytools.measurement.comparison import SignalComparison
 from delaytools.report.style import axes_of, in_style, new_figure, title
@@ -29,6 +30,7 @@ def draw_strips(signals: Sequence[SignalComparison], message: str) -> Figure:
             _strip(panel, edges, sizes)
         row[0].set_ylabel(one.signal, rotation=0, ha="right", va="center")
         row[1].set_xscale("log")
+        row[1].xaxis.set_minor_formatter(NullFormatter())
         if row is not grid[-1]:
             for panel in row:
                 panel.tick_params(axis="x", which="both", length=0)
