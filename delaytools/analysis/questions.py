@@ -12,6 +12,7 @@ from delaytools.analysis.delay_sweep import sweep_margins
 from delaytools.analysis.margins import Labels, Margins, Sampling, margins
 from delaytools.analysis.opened_loop import OpenedLoop, open_loop
 from delaytools.analysis.sampled_margins import sampled_margins, sweep_sampled_margins
+from delaytools.analysis.strong_stability import strong_stability
 from delaytools.linear.algebra import feedback
 from delaytools.linear.delay_system import DelaySystem
 from delaytools.linear.hold_approximation import continuous_approximation
@@ -25,6 +26,7 @@ from delaytools.loop.values import resolve
 from delaytools.signals.trouble import AnalysisError
 
 APPROXIMATE: Sampling = "continuous approximation"
+SOME = 1.0  # s: γ(0) is the same for any delay
 
 
 __all__ = ["LoopRoots", "MarginSweep", "RootSet", "loop_margins", "loop_roots", "transfer"]
@@ -32,13 +34,17 @@ __all__ = ["LoopRoots", "MarginSweep", "RootSet", "loop_margins", "loop_roots", 
 @final
 @dataclass(frozen=True)
 class MarginSweep:
-    """Margins for every extra delay (s), and the intervals of delay inside the sweep in which the loop is stable."""
+    """Margins for every extra delay (s), and the intervals of delay inside the sweep in which the loop is stable.
+
+    small_delays: in words, where arbitrarily small changes of delays flip the verdict; "" where none do.
+    """
 
     margins: tuple[Margins, ...]
     stable_delays: tuple[tuple[float, float], ...]
     at: str
     delay_at: str | None
     why_approximate: str
+    small_delays: str = ""
 
 
 def loop_margins(
@@ -59,7 +65,19 @@ def loop_margins(
     else:
         found, stable = _continuous_sweep(opened, wanted)
     why = opened.why if opened.opened.samplers else ""
-    return MarginSweep(found, stable, at, delay_at, why)
+    return MarginSweep(found, stable, at, delay_at, why, _small_delays(opened, delay_at or at))
+
+
+def _small_delays(opened: OpenedLoop, place: str) -> str:
+    """Where arbitrarily small changes of the loop's own delays, or an extra one at the place, flip the verdict."""
+    own = strong_stability(continuous_approximation(opened.closed_at(0.0)))
+    if not own.is_strong:
+        return own.words
+    more = strong_stability(continuous_approximation(opened.closed_at(SOME)))
+    if more.is_strong:
+        return ""
+    return f"an extra delay at {place}, however small, makes the loop unstable: it comes back to itself directly, " \
+        f"γ(0) = {more.gamma:.4g}, not below 1"
 
 
 def _check_delays(delays: Sequence[float]) -> None:
@@ -118,12 +136,13 @@ class RootSet:
 @final
 @dataclass(frozen=True)
 class LoopRoots:
-    """Roots for every value of a parameter ("delay" or "gain")."""
+    """Roots for every value of a parameter ("delay" or "gain"). small_delays: as in `MarginSweep`."""
 
     parameter: str
     sets: tuple[RootSet, ...]
     sampling: Sampling
     linearised_without: tuple[str, ...]
+    small_delays: str = ""
 
 
 def loop_roots(
@@ -151,7 +170,8 @@ def loop_roots(
         sets = tuple(_sampled_roots(opened, name, value, count) for value in values)
     else:
         sets = tuple(_continuous_roots(opened, name, value, count) for value in values)
-    return LoopRoots(name, sets, "exact" if exact else APPROXIMATE, opened.without)
+    sampling = "exact" if exact else APPROXIMATE
+    return LoopRoots(name, sets, sampling, opened.without, _small_delays(opened, delay_at or at))
 
 
 def _continuous_roots(opened: OpenedLoop, name: str, value: float, count: int) -> RootSet:

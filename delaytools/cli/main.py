@@ -98,7 +98,8 @@ def margins_answer(answer: Any) -> dict[str, Any]:
         "margins": listed,
         "stable_delays": [list(pair) for pair in answer.stable_delays],
     }
-    return found | {"at": answer.at, "delay_at": answer.delay_at, "why_approximate": answer.why_approximate}
+    names = ("at", "delay_at", "why_approximate", "small_delays")
+    return found | {name: getattr(answer, name) for name in names}
 
 
 @app.command()
@@ -142,6 +143,7 @@ def roots(
             "parameter": answer.parameter,
             "sampling": answer.sampling,
             "linearised_without": answer.linearised_without,
+            "small_delays": answer.small_delays,
         }
         write_json({"roots": listed} | rest, json)
 

@@ -64,7 +64,12 @@ def margin_lines(answer: Any) -> list[str]:
         *lines,
         *table_lines(heads, rows),
         "stable for delays " + (", ".join(spans) if spans else "nowhere in the sweep"),
+        *_small_delays(answer),
     ]
+
+
+def _small_delays(answer: Any) -> list[str]:
+    return [f"careful: {answer.small_delays}"] if answer.small_delays else []
 
 
 def root_lines(answer: Any) -> list[str]:
@@ -81,7 +86,7 @@ def root_lines(answer: Any) -> list[str]:
                 lines.append(
                     f"  {root.real:+12.5f} {root.imag:+12.5f}j   {hertz:8.3f} Hz  damping {damping:+.4f}"
                 )
-    return lines
+    return [*lines, *_small_delays(answer)]
 
 
 def run_lines(answer: Any) -> list[str]:
