@@ -106,6 +106,8 @@ def _noisy(as_measured: Case, cleaned: Case, late: tuple[str, int]) -> Case:
 def _share(noisy_case: Case, cleaned: Case, under: Fitted) -> float:
     """The power of the residual that goes with the noise's response, of that response."""
     with_noise, without = (one.outputs(under.added, under.values) for one in (noisy_case, cleaned))
+    if not all(np.isfinite(rows).all() for rows in (*with_noise, *without)):  # a hypothesis that runs away says nothing
+        return 0.0
     along, power = 0.0, 0.0
     for y, noisy, clean in zip(cleaned.measured, with_noise, without, strict=True):
         size = min(SEGMENT, len(y) // FEWEST)

@@ -15,12 +15,12 @@ from delaytools.diagnosis.lattices import on_lattice
 from delaytools.diagnosis.noise import without_odd_rows
 from delaytools.diagnosis.noise_of import CLEANED, features, is_loud
 from delaytools.diagnosis.rounding import roundings
-from delaytools.diagnosis.search import MOST
 from delaytools.diagnosis.structure import Band, structured_bands
 from delaytools.diagnosis.unevenness import loudest
+from delaytools.diagnosis.worth import MOST
 from delaytools.loop.port import find_port
 
-__all__ = ["imitated", "left_over", "unexplained"]
+__all__ = ["explains", "imitated", "left_over", "unexplained"]
 
 Array = NDArray[np.float64]
 LEFT = 0.06  # power of structure left, of the noise: a quarter of its rms
@@ -31,6 +31,11 @@ SCATTER = 1e-3  # of the usual step
 LONG = 0.3  # of the longest log: shorter ones are not asked by themselves, they tell little
 EVEN = ("bias", "scale_factor", "cross_coupling", "flexible_mode", "periodic_interference")  # leave noise as even
 WINDOW = "transient_gain"  # two of them can follow whatever depends on how much a signal moves
+
+
+def explains(case: Case, fitted: Fitted, sent: tuple[Array, ...]) -> bool:
+    """Whether there are effects that leave nothing, and may not only imitate what they explain."""
+    return bool(fitted.added) and not (unexplained(case, fitted, sent) or imitated(case, fitted))
 
 
 def imitated(case: Case, fitted: Fitted) -> tuple[Unexplained, ...]:

@@ -1,7 +1,7 @@
 """A search begun again with another effect, where what the first one found leaves something or may only imitate."""
 
 from delaytools.diagnosis.case import Case
-from delaytools.diagnosis.leftover import imitated, unexplained
+from delaytools.diagnosis.leftover import explains
 from delaytools.diagnosis.noise_of import Carried
 from delaytools.diagnosis.search import Finding, search
 
@@ -14,17 +14,17 @@ def begun_again(found: Finding, case: Case, carried: Carried, *, deadline: float
     Of two effects the one that takes most off at first may be imitated: an interference is nearly a mode, and beside
     the mode the play that is there as well comes to nothing. Not in real runs, where the model's error is always left.
     """
-    if case.pieces or found.exhausted or not found.beginnings or _explains(found):
+    if case.pieces or found.exhausted or not found.beginnings or _explained(found):
         return found
     for begin in found.beginnings:
         again = search(case, carried, deadline=deadline, begin=begin)
         if again.exhausted:
             break
-        if _explains(again):
+        if _explained(again):
             return again
     return found
 
 
-def _explains(found: Finding) -> bool:
-    case, fitted = found.case, found.fitted
-    return bool(fitted.added) and not (unexplained(case, fitted, found.sent) or imitated(case, fitted))
+
+def _explained(found: Finding) -> bool:
+    return explains(found.case, found.fitted, found.sent)

@@ -33,10 +33,11 @@ from delaytools.diagnosis.noise import (
     without_odd_rows,
 )
 from delaytools.diagnosis.noise_of import references
+from delaytools.diagnosis.proposals import PENALTY
 from delaytools.diagnosis.quantities import quantities
-from delaytools.diagnosis.search import PENALTY, Finding, most_of
+from delaytools.diagnosis.search import Finding
 from delaytools.diagnosis.upgrades import breaking_away_as_well
-from delaytools.diagnosis.worth import UNKNOWN, WORTHLESS
+from delaytools.diagnosis.worth import UNKNOWN, WORTHLESS, most_of
 from delaytools.signals.trouble import DelaytoolsError
 
 __all__ = ["SegmentReport", "segment_report"]

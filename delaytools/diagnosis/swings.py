@@ -22,7 +22,7 @@ LATENESS = (0.5, 2.0, 8.0, 30.0)  # rows by which the signal is shifted to take 
 SLOWEST, FASTEST = 0.25, 10.0  # turns in the log, and Hz
 PADDING = 4
 LINES = 2  # highest lines tried at a port and a shift
-LEAST, PART = 100.0, 0.3  # χ² that a swing must take off beyond the mean delay, and of what that leaves
+LEAST, PART = 40.0, 0.3  # χ² that a swing must take off beyond the mean delay, and of what that leaves beyond noise
 
 
 def swings(base: Base, spots: Sequence[Spot]) -> list[Screened]:
@@ -141,7 +141,7 @@ def _fitted(
     gain, rest = float(weights @ right), float(seen.left @ seen.left)
     alone = float(base.residual @ base.residual) - rest
     swing = float(np.hypot(weights[1], weights[2]))
-    if gain - alone < max(LEAST, PART * rest) or swing <= 0:
+    if gain - alone < max(LEAST, PART * max(rest - len(base.residual), 0.0)) or swing <= 0:
         return gain, None
     phase = float(np.arctan2(weights[2], weights[1]))
     return gain, {"mean": max(float(weights[0]), swing), "amplitude": swing, "frequency": frequency, "phase": phase}

@@ -17,7 +17,7 @@ from delaytools.signals.trouble import DelaytoolsError
 __all__ = ["breaking_away_as_well", "plainer", "richer"]
 
 Array = NDArray[np.float64]
-LEAST_GAIN = 60.0
+LEAST_GAIN = 40.0
 FASTEST = 10.0  # Hz of a delay's swing
 STICTION = 1.3  # times the level: size at which the direction of a larger breakaway force is taken
 CLEARLY = 1.5  # times the level: a breakaway force that is clearly another one

@@ -7,15 +7,17 @@ from numpy.typing import NDArray
 
 from delaytools.diagnosis.added import path_of
 from delaytools.diagnosis.case import Case
-from delaytools.diagnosis.fitting import Fitted, has_odd_rows
+from delaytools.diagnosis.fitting import Fitted, fit_hypothesis, has_odd_rows
 from delaytools.diagnosis.heldout import held_out
 from delaytools.diagnosis.noise import incoherent_spectrum
 from delaytools.diagnosis.noise_of import Carried
 from delaytools.diagnosis.proposals import PENALTY
+from delaytools.signals.record import Record
 
-__all__ = ["NAMED", "PART_OF_NOISE", "UNKNOWN", "WORTHLESS", "objection"]
+__all__ = ["MOST", "NAMED", "PART_OF_NOISE", "UNKNOWN", "WORTHLESS", "most_of", "objection"]
 
 Array = NDArray[np.float64]
+MOST, MOST_IN_PIECES = 3, 2  # effects of a segment; in real runs a third one takes what no catalogue holds
 NAMED = 60.0  # held-out χ² that an effect must be worth
 PART_OF_NOISE = 0.25  # of the noise rms that an effect must contribute
 IN_A_BAND = 1.5  # times the noise density, where an effect is small in all
@@ -25,6 +27,12 @@ BRIEF = "shorter than half a row, as the way may be in which rows are joined"
 UNKNOWN = "the logs say nothing of its values"
 WORTHLESS = "no better on data not used for the fit"
 SMALL = "significant but smaller than a quarter of the noise"
+OWN_NOISE = "its source holds the noise of the signal itself, and nothing else of it helps"
+
+
+def most_of(case: Case) -> int:
+    """Effects that one segment may be given."""
+    return MOST_IN_PIECES if case.pieces else MOST
 
 
 def objection(case: Case, before: Fitted, after: Fitted, carried: Carried, place: int = -1) -> str:
@@ -41,7 +49,33 @@ def objection(case: Case, before: Fitted, after: Fitted, carried: Carried, place
     gain, _ = now.better_than(then)
     if gain < max(NAMED + PENALTY * (after.size - before.size - 1), LUCK * now.luck_beside(then)):
         return WORTHLESS
-    return "" if _matters(case, before, after, carried, place) else SMALL
+    if not _matters(case, before, after, carried, place):
+        return SMALL
+    return OWN_NOISE if _reads_own_noise(case, before, after, place) else ""
+
+
+def _reads_own_noise(case: Case, before: Fitted, after: Fitted, place: int) -> bool:
+    """Whether an effect pays by the noise of the exit itself, which its source carries.
+
+    A computer's output holds, from the same instant on, the noise of what it reads: a coupling from it would take that
+    noise off. Read an update late it cannot, and hardly knows less of anything else.
+    """
+    source = after.added[place].fixed.get("source")
+    if source is None or source in case.outside or source in case.segment.entries:
+        return False
+    late = replace(case, records=tuple(_late(record, source) for record in case.records), _replays={})
+    again = fit_hypothesis(late, after.added, near=after)
+    gain, _ = held_out(again, case.rows).better_than(held_out(before, case.rows))
+    return gain < NAMED
+
+
+def _late(record: Record, name: str) -> Record:
+    """The record with a column one update, or one row, late."""
+    values = record[name]
+    changes = np.flatnonzero(np.diff(values)) if name in record.held else np.zeros(0)
+    rows = int(np.median(np.diff(changes))) if len(changes) > 2 else 1
+    late = np.concatenate([np.full(rows, values[0]), values[: len(values) - rows]])
+    return Record(record.time, {**record.columns, name: late}, record.units, record.held, record.source)
 
 
 def _is_unknown(fitted: Fitted, place: int) -> bool:

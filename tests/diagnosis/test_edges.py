@@ -10,11 +10,11 @@ from delaytools.diagnosis.added import Added
 from delaytools.diagnosis.case import Case
 from delaytools.diagnosis.edges import _gains, edge_near
 from delaytools.diagnosis.fitting import Fitted
+from delaytools.diagnosis.forward import _windows_again
 from delaytools.diagnosis.noise_of import Carried, noise_of
 from delaytools.diagnosis.places import spots
 from delaytools.diagnosis.proposals import sharpened_again
 from delaytools.diagnosis.screen import Base, base_of, response
-from delaytools.diagnosis.search import _windows_again
 from delaytools.diagnosis.windows import _forgets, transients, with_edges_fitted
 from delaytools.loop.port import find_port
 from delaytools.signals.parameter import Parameter

@@ -5,16 +5,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from delaytools.diagnosis import search as room
+from delaytools.diagnosis import forward as room
 from delaytools.diagnosis.added import Added
 from delaytools.diagnosis.fitting import fit_hypothesis
+from delaytools.diagnosis.forward import FINEST, RESOLVED, _resolved, _shown_first
 from delaytools.diagnosis.joint_start import making_room
 from delaytools.diagnosis.leftover import imitated
 from delaytools.diagnosis.noise_of import Carried, noise_of
 from delaytools.diagnosis.places import spots
 from delaytools.diagnosis.proposals import shortlisted
+from delaytools.diagnosis.refits import fitted_again, spared
 from delaytools.diagnosis.screen import Screened, base_of, response, screened
-from delaytools.diagnosis.search import FINEST, RESOLVED, _again, _resolved, _shown_first, _spared, search
+from delaytools.diagnosis.search import search
 from delaytools.diagnosis.starts import candidates
 from delaytools.diagnosis.swings import swings
 from delaytools.diagnosis.upgrades import richer
@@ -180,7 +182,7 @@ def test_what_an_effect_is_worth_is_asked_where_it_stands(first: int) -> None:
     factor = (1.0, 2.0)[first]
     case = planted(ACTUATOR, both[:: 1 - 2 * first], replace(WAVE, amplitude=3.0 * factor))
     known = fitted(case, *both[:: 1 - 2 * first])
-    assert [_spared(case, known, place, Carried({})) for place in (0, 1)] == [None, None]
+    assert [spared(case, known, place, Carried({})) for place in (0, 1)] == [None, None]
 
 
 def test_a_value_that_is_off_by_far_less_than_a_step_of_its_grid_is_screened() -> None:
@@ -257,5 +259,5 @@ def test_many_sources_of_one_coupling_leave_room_for_another_kind_that_is_as_goo
     case = replace(case, records=(replace(record, columns={**record.columns, **taps}),), _replays={})
     couplings = [fitted(case, Added("cross_coupling", "act.output", {"gain": 0.01}, {"source": tap})) for tap in taps]
     tried = [*couplings, fitted(case, Added("scale_factor", "act.output", {"factor": 1.01}))]
-    kinds = [one.added[0].kind for one in _again(case, tried, tried[0])]
+    kinds = [one.added[0].kind for one in fitted_again(case, tried, tried[0])]
     assert sorted(kinds) == [*["cross_coupling"] * 4, "scale_factor"]
