@@ -22,24 +22,32 @@ LATENESS = (0.5, 2.0, 8.0, 30.0)  # rows by which the signal is shifted to take 
 SLOWEST, FASTEST = 0.25, 10.0  # turns in the log, and Hz
 PADDING = 4
 LINES = 2  # highest lines tried at a port and a shift
+ALIKE, APART = 2.0, 0.2  # times what the best one leaves, and in log of frequency: another swing that may be the one
 LEAST, PART = 40.0, 0.3  # χ² that a swing must take off beyond the mean delay, and of what that leaves beyond noise
 
 
 def swings(base: Base, spots: Sequence[Spot]) -> list[Screened]:
-    """The delay with the best swing at every port for delays whose way to the exits is linear."""
+    """The delay with the best swings at every port for delays whose way to the exits is linear."""
     found = []
     for spot in (s for s in spots if s.kind == "delay"):
         way = base.way(str(spot.port))
-        if way is not None and way.is_quick and (best := _best(base, way, spot.port)) is not None:
-            found.append(best)
+        if way is not None and way.is_quick:
+            found += [_screened(base, str(spot.port), *one) for one in _best(base, way, spot.port)]
     return found
 
 
-def _best(base: Base, way: Way, port: Port) -> Screened | None:
-    """The mean and the swing that take most off together, where the swing is worth it beside the mean.
+def _screened(base: Base, at: str, gain: float, values: dict[str, float]) -> Screened:
+    one = with_swing(at, values)
+    change = response(base, one)
+    exactly = 0.0 if change is None else base.gain(change, *STRETCH)[0]
+    return Screened(one, max(exactly, 0.5 * gain))
+
+
+def _best(base: Base, way: Way, port: Port) -> list[tuple[float, dict[str, float]]]:
+    """χ² and values of the mean and the swing that take most off together, where the swing is worth it beside the mean.
 
     One that takes most off is one of many that cause the same slow drift: the spectrum knows nothing of what free
-    values can do, and all frequencies are tried then.
+    values can do, so all frequencies are tried then, and those that leave nearly as little are as likely.
     """
     found: list[tuple[float, dict[str, float]]] = []
     for rows in LATENESS:
@@ -47,18 +55,17 @@ def _best(base: Base, way: Way, port: Port) -> Screened | None:
         if seen is None:
             continue
         found += _worth(base, way, seen, _frequencies(way, way.weights(seen.left), seen.slopes, base.case.step))
-    best = max((gain for gain, _ in found), default=0.0)
-    rest = float(base.residual @ base.residual) - best
+    best, total = max((gain for gain, _ in found), default=0.0), float(base.residual @ base.residual)
     seen = _slopes(base, way, port, LATENESS[1])
-    if seen is not None and best > rest:
-        found += _worth(base, way, seen, np.arange(SLOWEST, FASTEST * base.case.duration, 0.5) / base.case.duration)
-    if not found:
-        return None
-    gain, values = max(found, key=lambda one: one[0])
-    one = with_swing(str(port), values)
-    change = response(base, one)
-    exactly = 0.0 if change is None else base.gain(change, *STRETCH)[0]
-    return Screened(one, max(exactly, 0.5 * gain))
+    if seen is None or best < 0.5 * total:
+        return sorted(found, key=lambda one: -one[0])[:1]
+    found += _worth(base, way, seen, np.arange(SLOWEST, FASTEST * base.case.duration, 0.5) / base.case.duration)
+    kept: list[tuple[float, dict[str, float]]] = []
+    for gain, values in sorted(found, key=lambda one: -one[0]):
+        near = not kept or total - gain < ALIKE * (total - kept[0][0])
+        if near and all(abs(np.log(values["frequency"] / one["frequency"])) > APART for _, one in kept):
+            kept.append((gain, values))
+    return kept[: LINES + 1]
 
 
 @final
