@@ -22,6 +22,7 @@ from delaytools.diagnosis.runs import as_logged, differing
 from delaytools.diagnosis.search import search
 from delaytools.diagnosis.second_look import begun_again
 from delaytools.diagnosis.segment_report import SegmentReport, segment_report
+from delaytools.diagnosis.sources import quiet_sources
 from delaytools.diagnosis.workers import workers
 from delaytools.loop.loop import Loop
 from delaytools.loop.network import network
@@ -64,6 +65,7 @@ class Effort:
 class _Task:
     """One segment for one process; cleaned: per log, columns without the noise of their pick-off.
 
+    quiet: the same by the design alone, and that noise, for sources of effects whose own segment is not done.
     moved: per log, what a standard error of each fitted value does to these columns, (n, k). noise: of columns.
     limits: deadline (s, monotonic clock) and seed. pieces: per log, the rows that count. numbers: per log, the values
     of its configuration.
@@ -75,6 +77,7 @@ class _Task:
     cleaned: tuple[dict[str, Array], ...]
     moved: tuple[dict[str, Array], ...]
     noise: dict[str, Whitening]
+    quiet: tuple[tuple[dict[str, Array], ...], dict[str, Whitening]]
     pieces: tuple[tuple[tuple[int, int], ...], ...]
     numbers: tuple[Mapping[str, float], ...]
     index: int
@@ -109,6 +112,8 @@ def diagnose(
     words += left_out + pieces_in_words(design, pieces, window)
     parts = segments(loop, set(ready[0].names))
     _check_driven(parts, ready, loop)
+    held = network(resolve(loop)).held_signals
+    quiet = quiet_sources(parts if not pieces else (), ready, held)
     cleaned: tuple[dict[str, Array], ...] = tuple({} for _ in ready)
     moved: tuple[dict[str, Array], ...] = tuple({} for _ in ready)
     noise: dict[str, Whitening] = {}
@@ -118,7 +123,7 @@ def diagnose(
     try:
         with workers(effort.processes) as share:
             for wave in waves:
-                known = ready, cleaned, moved, noise, pieces, numbers
+                known = ready, cleaned, moved, noise, quiet, pieces, numbers
                 tasks = [_Task(design, each[0], *known, k, (ends[k], effort.seed)) for k in wave]
                 for place, report in share(_work, tasks):
                     done[wave[place]] = _as_sure_as(report, parts[wave[place]], done)
@@ -241,7 +246,8 @@ def _work(task: _Task) -> SegmentReport:
         name for name in network(resolve(loop)).held_signals if abs(float(task.records[0].time[0])) < 1e-9
     )
     logged = as_logged(prepared_case(part, task.records, free, at_rest), task.design, task.pieces, task.numbers)
-    columns = task.cleaned, task.moved, task.noise, set(loop.writers)
+    cleaned = tuple({**own, **done} for own, done in zip(task.quiet[0], task.cleaned, strict=True))
+    columns = cleaned, task.moved, {**task.quiet[1], **task.noise}, set(loop.writers)
     case, noises = driven_best(logged, *columns)
     deadline, seed = task.limits
     found = search(case, Carried(noises, seed), deadline=deadline)

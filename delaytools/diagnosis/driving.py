@@ -38,18 +38,20 @@ def driven_best(
 ) -> tuple[Case, dict[str, float | Whitening]]:
     """Each noisy entry cleaned, or as measured where its noise drives the segment too; and the entries' noise.
 
-    known: noise of cleaned columns. written: signals that a block of the design writes. under: the hypothesis by which
-    the segment answers to noise (default: as designed).
+    cleaned: per log, columns without noise; moved: of those that may be entries, what a standard error of each fitted
+    value does to them. known: noise of cleaned columns. written: signals that a block of the design writes. under: the
+    hypothesis by which the segment answers to noise (default: as designed).
     """
     first = case.records[0]
     noises: dict[str, float | Whitening] = {n: column_noise(first[n], n in first.held) for n in first.names}
-    noises |= {n: known[n] for n in cleaned[0]}
+    usable = [n for n in cleaned[0] if n in moved[0] or n not in case.segment.entries]
+    noises |= {n: known[n] for n in usable}
     exact = {n for n in first.names if noises[n] == 0 and n not in first.held}
     case = _joined_best(replace(case, outside=frozenset(first.names) - set(written)), exact, written)
-    sources = [n for n in cleaned[0] if n not in case.exits and n not in case.segment.entries]
+    sources = [n for n in usable if n not in case.exits and n not in case.segment.entries]
     case = _with_columns(case, cleaned, sources)
     chosen: list[str] = []
-    noisy = [n for n in case.segment.entries if n in cleaned[0]]
+    noisy = [n for n in case.segment.entries if n in usable]
     if noisy and loses_updates(case):  # a computer that is met exactly reads what was measured
         return case, {**noises, **dict.fromkeys(noisy, 0.0)}
     for entry in noisy:
