@@ -44,23 +44,28 @@ class Way:
 
     case: with the filters of the last hypothesis. fitted: with the effects. rivals: per effect, other candidates fitted
     in its place. refused: the best effect more, and why it is not one. beginnings: other effects that are worth it
-    alone, best first; alike: of these, those that took nearly as much off as the one that was begun with.
+    alone, best first; alike: of these, those that took nearly as much off as the one that was begun with. ended:
+    whether nothing more is worth its values.
     """
 
     case: Case
     fitted: Fitted
-    rivals: tuple[tuple[Fitted, ...], ...]
-    refused: tuple[Added, str] | None
-    beginnings: tuple[Fitted, ...]
-    alike: tuple[Fitted, ...]
+    rivals: tuple[tuple[Fitted, ...], ...] = ()
+    refused: tuple[Added, str] | None = None
+    beginnings: tuple[Fitted, ...] = ()
+    alike: tuple[Fitted, ...] = ()
+    ended: bool = False
 
 
-def forward(case: Case, null: Fitted, carried: Carried, begin: Fitted | None = None) -> Way:
-    """Effects added one by one to a fitted `null`, begun with one that is given or with the one that takes most off."""
-    fitted, refused = null, None
-    rivals: list[list[Fitted]] = []
-    beginnings, alike = (), ()
-    while len(fitted.added) < most_of(case) and _left(case, fitted) > NAMED + PENALTY and not case.is_late:
+def forward(way: Way, carried: Carried, *, most: int, begin: Fitted | None = None) -> Way:
+    """A way gone on, effect by effect, to so many at most; begun with one that is given or that takes most off."""
+    case, fitted, refused = way.case, way.fitted, way.refused
+    rivals = [list(group) for group in way.rivals]
+    beginnings, alike, ended = way.beginnings, way.alike, way.ended
+    while len(fitted.added) < most and not ended and not case.is_late:
+        ended = True
+        if _left(case, fitted) <= NAMED + PENALTY:
+            break
         if begin is not None and not fitted.added:
             (best, others, seen), further = _only(case, begin, carried), _Others((), ())
         else:
@@ -83,7 +88,8 @@ def forward(case: Case, null: Fitted, carried: Carried, begin: Fitted | None = N
         if all(one.kind != "dropped_frames" for one in fitted.added):
             drawn = with_draws(case, fitted)
             case = drawn if any(drawn.lost.values()) else case
-    return Way(case, fitted, tuple(map(tuple, rivals)), refused, beginnings, alike)
+        ended = False
+    return Way(case, fitted, tuple(map(tuple, rivals)), refused, beginnings, alike, ended)
 
 
 @final

@@ -19,11 +19,12 @@ from delaytools.diagnosis.noise_of import CLEANED, Carried
 from delaytools.diagnosis.proposals import proposals
 from delaytools.diagnosis.refits import fitted_again, rewhitened, seen_through, spared
 from delaytools.diagnosis.stepwise import with_draws
-from delaytools.diagnosis.worth import PART_OF_NOISE
+from delaytools.diagnosis.worth import PART_OF_NOISE, most_of
 
 __all__ = ["Finding", "search"]
 
 Array = NDArray[np.float64]
+AHEAD = 2  # effects after which ways that began nearly as well are compared
 
 
 @final
@@ -57,28 +58,28 @@ def search(case: Case, carried: Carried, *, deadline: float = np.inf, begin: Fit
         case = with_draws(case)
     null = fit_hypothesis(case, ())
     case, null = rewhitened(case, null, carried)
-    way = forward(case, null, carried, begin)
+    most, start = most_of(case), Way(case, null)
+    way = forward(start, carried, most=min(AHEAD, most), begin=begin)
     if begin is None:
-        way = _best_way(way, (forward(case, null, carried, one) for one in way.alike), carried)
+        others = (forward(start, carried, most=min(AHEAD, most), begin=one) for one in way.alike)
+        way = forward(_best_way(way, others, carried), carried, most=most)
     return _finished(way, null, carried, everything=begin is not None)
 
 
 def _best_way(way: Way, others: Iterable[Way], carried: Carried) -> Way:
-    """The first way that leads to effects that leave nothing; else the one that leaves least, as the first sees it."""
-    if way.case.is_late or _explains(way, carried):
+    """Of ways that began nearly as well, the one that leaves least, as the first one sees it.
+
+    Asked where the first needed a second effect or leaves something: what it holds may be imitated, by two even all.
+    """
+    sent = carried.through(way.case, way.fitted, share=CLEANED)
+    alone = len(way.fitted.added) < AHEAD
+    if way.case.is_late or (alone and explains(way.case, way.fitted, sent)):
         return way
     left = {cost(way.fitted): way}
     for other in others:
-        if not other.case.is_late and _explains(other, carried):
-            return other
         rest = way.case.residual(way.case.outputs(other.fitted.added, other.fitted.values))
         left[cost(replace(other.fitted, residual=rest))] = other
     return left[min(left)]
-
-
-def _explains(way: Way, carried: Carried) -> bool:
-    """Whether a way has led to effects that leave nothing."""
-    return explains(way.case, way.fitted, carried.through(way.case, way.fitted, share=CLEANED))
 
 
 def _finished(way: Way, null: Fitted, carried: Carried, *, everything: bool) -> Finding:
