@@ -8,8 +8,9 @@ import numpy as np
 from delaytools.diagnosis.added import Added, places_in_file
 from delaytools.diagnosis.attempts import best_of_each, cost, fits, rubs_beside
 from delaytools.diagnosis.case import Case
-from delaytools.diagnosis.fitting import Fitted, fit_hypothesis
+from delaytools.diagnosis.fitting import Fitted, fit_hypothesis, has_odd_rows
 from delaytools.diagnosis.lattices import ahead_of_lattice
+from delaytools.diagnosis.noise import without_odd_rows
 from delaytools.diagnosis.noise_of import Carried, is_loud
 from delaytools.diagnosis.pairs import pairs
 from delaytools.diagnosis.proposals import PENALTY, is_sharpened, proposals, sharpened_again
@@ -153,11 +154,9 @@ def _is_loud(case: Case, fitted: Fitted, carried: Carried) -> bool:
     filters of a hypothesis that is far from the truth take the truth for noise.
     """
     outputs, sent = case.outputs(fitted.added, fitted.values), carried.through(case, fitted)
-    left = [m - y for m, y in zip(case.measured, outputs, strict=True)]
-    return any(
-        is_loud(case, j, np.concatenate([rows[:, j] for rows in left]), float(np.std(sent[j])))
-        for j in range(len(case.exits))
-    )
+    whole = np.concatenate([m - y for m, y in zip(case.measured, outputs, strict=True)])
+    left = [without_odd_rows(rows) if has_odd_rows(case, fitted.added) else rows for rows in whole.T]
+    return any(is_loud(case, j, rows, float(np.std(sent[j]))) for j, rows in enumerate(left))
 
 
 def _only(case: Case, begin: Fitted, carried: Carried) -> tuple[Fitted | None, list[Fitted], Case]:

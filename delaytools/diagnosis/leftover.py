@@ -68,7 +68,7 @@ def unexplained(case: Case, fitted: Fitted, sent: tuple[Array, ...]) -> tuple[Un
         rows = {log: rounded.less_mean(left[log][:, j], exit, log) for log in logs}
         rests = (_looked_at(case, outputs, rows[log], sent[j], (log, j)) for log in logs)
         worst = max(rests, key=lambda one: one.clear)
-        every = np.concatenate(list(rows.values()))
+        every = without_odd_rows(np.concatenate(list(rows.values())))
         loud = not case.pieces and is_loud(case, j, every, float(np.std(sent[j])) / CLEANED)
         if worst.is_structured(IN_A_LOUD_BAND if loud else IN_A_BAND):
             found.append(_told(case, exit, worst, hint(case, fitted, j)))

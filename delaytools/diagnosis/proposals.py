@@ -16,6 +16,7 @@ from delaytools.diagnosis.spectra import interferences, modes
 from delaytools.diagnosis.starts import candidates
 from delaytools.diagnosis.stepwise import with_period_fitted
 from delaytools.diagnosis.swings import swings
+from delaytools.diagnosis.treads import within_steps
 from delaytools.diagnosis.windows import edges_beside, transients, with_edges_fitted
 from delaytools.loop.port import find_port
 from delaytools.loop.values import resolve
@@ -122,7 +123,7 @@ def sharpened_again(case: Case, fitted: Fitted) -> Fitted:
             base = base_of(case, at_values(case, tuple(rest), fitted))
             roughly = replace(one, errors={name: OFF * one.values[name] for name in one.errors})
             found = _SHARPEN[one.kind](base, roughly).added
-        moved = fit_hypothesis(case, (*rest, found), near=fitted, tolerance=CLOSE)
+        moved = within_steps(case, fit_hypothesis(case, (*rest, found), near=fitted, tolerance=CLOSE))
         if moved.chi2 > fitted.chi2 - ENOUGH:
             return moved if moved.chi2 < fitted.chi2 else _with_errors(fitted, found)
         fitted = moved
