@@ -106,17 +106,14 @@ def diagnose(
     begin, effort = time.monotonic(), effort or Effort()
     each = _configurations(configuration, len(records))
     loop = build(design, each[0])
-    part, left_out = searched_rows(records)
-    ready, words = _prepared(loop, [held_by_design(design, record) for record in part])
+    rows, left_out = searched_rows(records)
+    ready, words = _prepared(loop, [held_by_design(design, record) for record in rows])
     pieces, numbers = pieces_of(design, ready, window), differing(design, each)
-    words += left_out + pieces_in_words(design, pieces, window)
+    words = (*words, *left_out, *pieces_in_words(design, pieces, window))
     parts = segments(loop, set(ready[0].names))
     _check_driven(parts, ready, loop)
-    held = network(resolve(loop)).held_signals
-    quiet = quiet_sources(parts if not pieces else (), ready, held)
-    cleaned: tuple[dict[str, Array], ...] = tuple({} for _ in ready)
-    moved: tuple[dict[str, Array], ...] = tuple({} for _ in ready)
-    noise: dict[str, Whitening] = {}
+    quiet = quiet_sources(() if pieces else parts, ready, network(resolve(loop)).held_signals)
+    cleaned, moved, noise = _columns(len(ready)), _columns(len(ready)), dict[str, Whitening]()
     done: dict[int, SegmentReport] = {}
     waves = _wanted(_waves(parts, ready), parts, effort.signals)
     ends = _ends(waves, begin, effort.budget)
@@ -136,6 +133,11 @@ def diagnose(
         left = [parts[k] for wave in waves for k in wave if k not in done]
         raise Interrupted(_cut_short(left, done, words, time.monotonic() - begin)) from None
     return _answer([done[k] for k in sorted(done)], words, time.monotonic() - begin)
+
+
+def _columns(logs: int) -> tuple[dict[str, Array], ...]:
+    """Per log, columns by name: none yet."""
+    return tuple({} for _ in range(logs))
 
 
 def _as_sure_as(report: SegmentReport, part: Segment, done: Mapping[int, SegmentReport]) -> SegmentReport:

@@ -121,8 +121,36 @@ def fit_hypothesis(
         evaluations=evaluations, enough=lambda: case.is_late,
     )  # fmt: skip
     rows = both(np.array([p.value for p in found.parameters]))
-    parameters = _with_ends_open(found.parameters, *rows)
+    parameters = _with_ends_open(_as_told(case, added, found.parameters, rows), *rows)
     return Fitted(placed(added, parameters), parameters, *rows, found.success)
+
+
+def _as_told(
+    case: Case, added: tuple[Added, ...], parameters: tuple[Parameter, ...], rows: tuple[Array, Array]
+) -> tuple[Parameter, ...]:
+    """The parameters with the standard errors that rows of an exit behind a quantiser allow.
+
+    Derivatives pass its steps as if there were none; a row says less of what is ahead of it, by an error of the
+    rounding beside the noise.
+    """
+    residual, slopes = rows
+    sure = [k for k, p in enumerate(parameters) if np.isfinite(p.std) and p.std > 0]
+    weights = np.ones(len(residual))
+    for one in added:
+        exit = case.exit_at(one.at) if one.kind == "quantization" else None
+        if exit is not None:
+            noise = case.whitening[exit].rms
+            weights[case.rows.exit == exit] = noise / np.hypot(noise, one.values["step"] / np.sqrt(12.0))
+    if not sure or weights.min() == 1.0:
+        return parameters
+    columns = slopes[:, sure] * weights[:, None]
+    norms = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+    scale = float(residual @ residual) / max(len(residual) - len(sure), 1)
+    errors = np.sqrt(scale * np.diag(np.linalg.pinv((columns / norms).T @ (columns / norms)))) / norms
+    found = list(parameters)
+    for k, error in zip(sure, errors, strict=True):
+        found[k] = replace(parameters[k], std=max(float(error), parameters[k].std))
+    return tuple(found)
 
 
 def _with_ends_open(parameters: tuple[Parameter, ...], residual: Array, slopes: Array) -> tuple[Parameter, ...]:

@@ -9,7 +9,7 @@ from delaytools.diagnosis.added import path_of
 from delaytools.diagnosis.case import Case
 from delaytools.diagnosis.fitting import Fitted, fit_hypothesis, has_odd_rows
 from delaytools.diagnosis.heldout import held_out
-from delaytools.diagnosis.noise import incoherent_spectrum
+from delaytools.diagnosis.noise import FEW_ODD, incoherent_spectrum, without_odd_rows
 from delaytools.diagnosis.noise_of import Carried
 from delaytools.diagnosis.proposals import PENALTY
 from delaytools.signals.record import Record
@@ -22,6 +22,7 @@ NAMED = 60.0  # held-out χ² that an effect must be worth
 PART_OF_NOISE = 0.25  # of the noise rms that an effect must contribute
 IN_A_BAND = 1.5  # times the noise density, where an effect is small in all
 LUCK = 3.5  # standard errors over rows by which an effect must win (Vuong 1989): noise in spikes pays by chance
+ROUNDING = 1e-9  # of a level at which residuals are cut
 SHORTEST = 0.5  # rows: a shorter delay or lag may be the way in which rows are joined
 BRIEF = "shorter than half a row, as the way may be in which rows are joined"
 UNKNOWN = "the logs say nothing of its values"
@@ -43,8 +44,7 @@ def objection(case: Case, before: Fitted, after: Fitted, carried: Carried, place
         return BRIEF
     if _is_unknown(after, place):
         return UNKNOWN
-    if has_odd_rows(case, after.added):  # what they leave out is no gain
-        before = replace(before, residual=case.without_odd_rows(before.residual))
+    before, after = _without_odd_rows(case, before, after)
     now, then = held_out(after, case.rows), held_out(before, case.rows)
     gain, _ = now.better_than(then)
     if gain < max(NAMED + PENALTY * (after.size - before.size - 1), LUCK * now.luck_beside(then)):
@@ -52,6 +52,21 @@ def objection(case: Case, before: Fitted, after: Fitted, carried: Carried, place
     if not _matters(case, before, after, carried, place):
         return SMALL
     return OWN_NOISE if _reads_own_noise(case, before, after, place) else ""
+
+
+def _without_odd_rows(case: Case, before: Fitted, after: Fitted) -> tuple[Fitted, Fitted]:
+    """Both without the few rows that are off by far more than noise in either, where such rows mean nothing.
+
+    A row that a quantiser rounds the other way is right again by the least change of anything ahead of it.
+    """
+    if not has_odd_rows(case, after.added):
+        return before, after
+    cut = case.without_odd_rows(before.residual)
+    odd = (cut != before.residual) | (np.abs(after.residual) >= case.cut_levels * (1 - ROUNDING))
+    if odd.mean() >= FEW_ODD:
+        return replace(before, residual=cut), after
+    first, then = (replace(one, residual=np.where(odd, 0.0, one.residual)) for one in (before, after))
+    return first, then
 
 
 def _reads_own_noise(case: Case, before: Fitted, after: Fitted, place: int) -> bool:
@@ -95,6 +110,7 @@ def _matters(case: Case, before: Fitted, after: Fitted, carried: Carried, place:
         density = np.maximum(noise.density, np.interp(noise.frequency, *_spectrum(sent[j])))
         rms = float(np.sqrt(np.mean(density[1:])))
         for change in (y[:, j] - without[:, j] for y, without in zip(kept, lost, strict=True)):
+            change = without_odd_rows(change) if has_odd_rows(case, after.added) else change
             if float(np.sqrt(np.mean(change**2))) > PART_OF_NOISE * rms:
                 return True
             own = np.interp(noise.frequency, *_spectrum(change - change.mean()))
