@@ -29,7 +29,7 @@ from delaytools.signals.parameter import Parameter
 from delaytools.signals.record import Record
 from delaytools.signals.stimulus import Column, Multisine
 from delaytools.simulation.simulate import simulate
-from tests.diagnosis.small_cases import ACTUATOR, DRIVE, SLIDE, fitted, planted
+from tests.diagnosis.small_cases import ACTUATOR, DRIVE, NOISE, SLIDE, fitted, planted
 
 WAVE = Multisine(amplitude=3.0, from_frequency=0.3, to_frequency=6.0, lines=25)
 LATE = Added("delay", "act.input", {"delay": 0.004})
@@ -125,6 +125,31 @@ def test_values_ahead_of_a_measured_quantiser_are_read_off_its_steps(monkeypatch
     assert within_steps(case, after) is after or within_steps(case, after).chi2 <= after.chi2
     plain = fitted(case)
     assert within_steps(case, plain) is plain
+
+
+def test_what_is_ahead_of_a_measured_quantiser_is_as_uncertain_as_its_steps_make_it() -> None:
+    time = np.arange(0.0, 6.0005, 1e-3)
+    command = Column(time=time, values=WAVE.value(time))
+    gain, errors = Added("scale_factor", "act.input", {"factor": 1.3}), []
+    for step in (1e-4, 1.0):
+        rounded = Added("quantization", "act.output", {"step": step}, {}, frozenset({"step"}))
+        errors.append(fitted(planted(ACTUATOR, (gain, rounded), command), gain, rounded).parameters[0].std)
+    ratio = np.hypot(NOISE, 1.0 / np.sqrt(12)) / NOISE
+    assert errors[1] / errors[0] == pytest.approx(ratio, rel=0.1)
+
+
+def test_few_rows_rounded_the_other_way_are_worth_nothing_to_a_further_effect() -> None:
+    """A gain of a thousandth sets five of them right, each worth more than a hundred of χ² by itself."""
+    time = np.arange(0.0, 6.0005, 1e-3)
+    rounded = Added("quantization", "act.output", {"step": 1.0}, {}, frozenset({"step"}))
+    more = Added("scale_factor", "act.input", {"factor": 1.001})
+    case = planted(ACTUATOR, (more, rounded), Column(time=time, values=WAVE.value(time)), noise=1e-3)
+    before, after = fitted(case, rounded), fitted(case, more, rounded)
+    assert before.chi2 - after.chi2 > 150
+    assert objection(case, before, after, Carried({}), 0) != ""
+    large = Added("scale_factor", "act.input", {"factor": 1.1})
+    case = planted(ACTUATOR, (large, rounded), Column(time=time, values=WAVE.value(time)), noise=1e-3)
+    assert objection(case, fitted(case, rounded), fitted(case, large, rounded), Carried({}), 0) == ""
 
 
 def test_rows_that_are_rounded_the_other_way_are_not_loud() -> None:
