@@ -58,10 +58,10 @@ class Case:
     per exit. uncertain: per log, what a standard error of each uncertain value of other segments does to the columns
     that drive this one, (n, k) by name; nuisance: per log (n, exits, k), what that does to the exits. lost: port of a
     sampled output -> share of its updates that the logs show to be lost. outside: columns that no block of the loop
-    writes. pieces: per log, (first, last + 1) of the rows that count; the states begin anew with each (() = all rows,
-    from the design's own beginning). numbers: per log, values by path that its run had (() = the design's). substeps:
-    of a frame. finer: how many times finer than usual its runs' steps are. deadline: monotonic clock, s; a fit that
-    passes it ends where it stands.
+    writes. read_by: columns of what reads an exit itself. pieces: per log, (first, last + 1) of the rows that count;
+    the states begin anew with each (() = all rows, from the design's own beginning). numbers: per log, values by path
+    that its run had (() = the design's). substeps: of a frame. finer: how many times finer than usual its runs' steps
+    are. deadline: monotonic clock, s; a fit that passes it ends where it stands.
     """
 
     segment: Segment
@@ -75,6 +75,7 @@ class Case:
     nuisance: tuple[Array, ...] = ()
     lost: Mapping[str, float] = field(default_factory=dict)
     outside: frozenset[str] = frozenset()
+    read_by: frozenset[str] = frozenset()
     pieces: tuple[tuple[tuple[int, int], ...], ...] = ()
     numbers: tuple[Mapping[str, float], ...] = ()
     substeps: int | None = None

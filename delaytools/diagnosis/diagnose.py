@@ -242,12 +242,15 @@ def _clean(
 
 def _work(task: _Task) -> SegmentReport:
     loop = build(task.design, task.configuration)
-    part = segments(loop, set(task.records[0].names))[task.index]
+    parts = segments(loop, set(task.records[0].names))
+    part = parts[task.index]
     free = tolerances(task.design, loop)
     at_rest = frozenset(
         name for name in network(resolve(loop)).held_signals if abs(float(task.records[0].time[0])) < 1e-9
     )
     logged = as_logged(prepared_case(part, task.records, free, at_rest), task.design, task.pieces, task.numbers)
+    readers = (one for one in parts if set(one.entries) & set(part.exits))
+    logged = replace(logged, read_by=frozenset(exit for one in readers for exit in one.exits))
     cleaned = tuple({**own, **done} for own, done in zip(task.quiet[0], task.cleaned, strict=True))
     columns = cleaned, task.moved, {**task.quiet[1], **task.noise}, set(loop.writers)
     case, noises = driven_best(logged, *columns)

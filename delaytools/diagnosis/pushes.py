@@ -25,6 +25,7 @@ from delaytools.loop.values import resolve
 __all__ = ["along_measured", "as_measured", "forces_on", "moves_as_measured"]
 
 Array = NDArray[np.float64]
+PROBES, CANCELLED = 4, 1e-6  # points at which a formula is asked what it depends on, and of its value: rounding
 
 
 def as_measured(view: View, exit: str, log: int) -> Array:
@@ -118,4 +119,18 @@ def _added_rate(before: Element, after: Element, loop: Loop, port: Port) -> tupl
     for element in (after, before):
         net = network(resolve(Loop((element,), loop.parameters, loop.units, loop.frame)))
         rates.append(ca.SX(net.rates(leaves, signals)[element.name, port.name]))
-    return rates[0] - rates[1], {symbol.name(): name for name, symbol in signals.items()}
+    return _of_what_counts(rates[0] - rates[1]), {symbol.name(): name for name, symbol in signals.items()}
+
+
+def _of_what_counts(formula: ca.SX) -> ca.SX:
+    """The formula without the symbols that cancel in it: what a block does without the effect stands on both sides."""
+    symbols = ca.symvar(formula)
+    evaluate = ca.Function("difference", symbols, [formula])
+    draw = np.random.default_rng(0).uniform(0.5, 1.5, (PROBES, len(symbols) + 1))
+    for place, symbol in enumerate(symbols):
+        moved = draw[:, :-1].copy()
+        moved[:, place] = draw[:, -1]
+        change = [float(evaluate(*a) - evaluate(*b)) for a, b in zip(draw[:, :-1], moved, strict=True)]
+        if np.abs(change).max() <= CANCELLED * max(abs(float(evaluate(*a))) for a in moved):
+            formula = ca.substitute(formula, symbol, 0)
+    return ca.simplify(formula)

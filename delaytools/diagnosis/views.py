@@ -88,10 +88,13 @@ class View:
     def sources(self) -> tuple[str, ...]:
         """Columns of the log that could leak into this segment: all but its own exits.
 
-        In logs of real runs not what an exit follows, either: a reference explains whatever a controller makes of it.
+        Not a sensor of an exit, which shows it nearly as it is: fed back it would make the model an observer, which
+        follows any log. In logs of real runs not what an exit follows, either: a reference explains whatever a
+        controller makes of it.
         """
         names = tuple(n for n in self.case.records[0].names if n not in self.case.exits and "@" not in n)
-        return tuple(n for n in names if not self._followed(n)) if self.case.pieces else names
+        near = names if self.case.pieces else tuple(n for n in names if n in self.case.read_by)
+        return tuple(n for n in names if n not in near or not self._followed(n))
 
     def _followed(self, name: str) -> bool:
         column = np.concatenate([r[name] for r in self.case.records])

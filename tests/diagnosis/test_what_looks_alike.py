@@ -19,6 +19,7 @@ from delaytools.diagnosis.forward import _is_loud
 from delaytools.diagnosis.forward import forward as on_the_way
 from delaytools.diagnosis.noise_of import Carried
 from delaytools.diagnosis.places import spots
+from delaytools.diagnosis.pushes import as_measured, forces_on
 from delaytools.diagnosis.screen import base_of
 from delaytools.diagnosis.search import search
 from delaytools.diagnosis.swings import swings
@@ -205,3 +206,39 @@ def test_processes_of_a_diagnosis_have_one_thread_each(monkeypatch: pytest.Monke
     with workers(2) as share:
         assert [found for _, found in share(_threads, [0])] == ["1"]
     assert _threads(0) is None
+
+
+AIRFRAME = """
+[signals]
+u = "deg"
+q = "deg/s"
+[blocks.airframe]
+type = "equations"
+inputs = { fin = "u" }
+states = { alpha = 0.0, q = 0.0 }
+parameters = { lift = 1.1, moment = 120.0, stiffness = 58.0, damping = 1.5 }
+rates = { alpha = "q - lift*alpha", q = "moment*fin - stiffness*alpha - damping*q" }
+outputs = { q = "q" }
+"""
+
+
+def test_a_force_on_a_measured_state_needs_no_other_state() -> None:
+    """What the block does without the force cancels: that a hidden angle acts as well hinders nothing."""
+    force = Added("cubic_damping", "airframe.q'", {"coefficient": 0.01})
+    case = planted(AIRFRAME, (), Multisine(amplitude=0.2, from_frequency=0.3, to_frequency=3.0, lines=9), exit="q")
+    base = base_of(case, fitted(case))
+    (rows,) = forces_on(base.view, force) or ((),)
+    assert rows == pytest.approx(0.01 * as_measured(base.view, "q", 0) ** 3, rel=1e-9, abs=1e-12)
+
+
+@pytest.mark.parametrize("late", [2, 400])
+def test_a_sensor_of_an_exit_is_no_source(late: int) -> None:
+    """Fed back, what shows the exit nearly as it is would make the model an observer, which follows any log."""
+    case = planted(ACTUATOR, (), WAVE)
+    (record,) = case.records
+    sensed = np.concatenate([np.zeros(late), case.measured[0][:-late, 0]])
+    log = Record(record.time, {**record.columns, "sensed": sensed}, record.units, record.held)
+    case = replace(case, records=(log,), _replays={})
+    assert "sensed" in base_of(case, fitted(case)).view.sources
+    read = replace(case, read_by=frozenset({"sensed"}), _replays={})
+    assert ("sensed" in base_of(read, fitted(read)).view.sources) == (late > 100)
