@@ -19,6 +19,7 @@ from delaytools.loop.port import find_port, written_at
 from delaytools.loop.segments import Segment
 from delaytools.loop.values import value_paths, with_numbers
 from delaytools.measurement.beginnings import Begun, run_begun, starts_shown
+from delaytools.measurement.measures import resolution
 from delaytools.signals.expression import Expression
 from delaytools.signals.parameter import Parameter
 from delaytools.signals.record import Record
@@ -120,8 +121,11 @@ class Case:
     @cached_property
     def is_driven_by_jumps(self) -> bool:
         """Whether a column jumps now and then: when between two rows, nobody knows."""
-        names = [n for n in self.segment.entries if n in self.smooth and n in self.records[0]]
-        slopes = (np.diff(r[n]) / np.diff(r.time) for r in self.records for n in names if n not in r.held)
+        first = self.records[0]
+        names = [n for n in self.segment.entries if n in first and n not in first.held]
+        if any(resolution(first[n]) > 0 for n in names):
+            return True
+        slopes = (np.diff(r[n]) / np.diff(r.time) for r in self.records for n in names if n in self.smooth)
         return any(bool(jumping(one).any()) for one in slopes)
 
     @property

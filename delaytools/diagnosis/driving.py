@@ -12,6 +12,7 @@ from delaytools.diagnosis.fitting import Fitted
 from delaytools.diagnosis.noise import Whitening
 from delaytools.diagnosis.noise_of import column_noise
 from delaytools.diagnosis.stepwise import loses_updates
+from delaytools.measurement.measures import resolution
 from delaytools.signals.record import Record
 
 __all__ = ["driven_best", "nominal"]
@@ -131,4 +132,5 @@ def _with_columns(case: Case, cleaned: tuple[dict[str, Array], ...], names: Sequ
         Record(r.time, {**r.columns, **{n: new[n] for n in names}}, r.units, r.held, r.source)
         for r, new in zip(case.records, cleaned, strict=True)
     )
-    return replace(case, records=records, smooth=case.smooth | frozenset(names), _replays={})
+    curved = frozenset(n for n in names if resolution(cleaned[0][n]) == 0)  # a spline would swing about steps
+    return replace(case, records=records, smooth=case.smooth | curved, _replays={})

@@ -11,7 +11,14 @@ from delaytools.diagnosis.fitting import Fitted
 from delaytools.diagnosis.places import spots
 from delaytools.loop.port import Port, find_port
 
-__all__ = ["ahead_of_lattice", "lattice_step", "on_lattice", "quantisers_shown", "step_through_noise"]
+__all__ = [
+    "ahead_of_lattice",
+    "lattice_step",
+    "on_lattice",
+    "quantisers_shown",
+    "rounded_exits",
+    "step_through_noise",
+]
 
 Array = NDArray[np.float64]
 SAME = 1e-3  # of a step: nearer than this, two lattices are one
@@ -91,3 +98,18 @@ def quantisers_shown(case: Case, fitted: Fitted, least: float) -> tuple[Added, .
         if abs(known - one.values["step"]) > SAME * one.values["step"]:
             found.append(one)
     return tuple(found)
+
+
+def rounded_exits(case: Case, fitted: Fitted) -> dict[int, float]:
+    """Place of an exit -> step of the quantiser that writes it, where noise leaves no doubt which step a row is on.
+
+    Such a column is known exactly, whatever the model says of the rows at which it steps.
+    """
+    found = {}
+    for one in fitted.added:
+        exit = case.exit_at(one.at) if one.kind == "quantization" else None
+        alone = sum(other.at == one.at for other in fitted.added) == 1
+        if exit is not None and alone and not case.pieces:
+            told = step_through_noise(np.concatenate([m[:, exit] for m in case.measured]), one.values["step"])
+            found |= {exit: told[0]} if told is not None else {}
+    return found

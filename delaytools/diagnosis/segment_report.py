@@ -23,6 +23,7 @@ from delaytools.diagnosis.case import Case
 from delaytools.diagnosis.edges import EDGES
 from delaytools.diagnosis.fitting import STEPS, Fitted, at_values, fit_hypothesis, has_odd_rows
 from delaytools.diagnosis.heldout import PIECE, HeldOut, held_out, rms_band
+from delaytools.diagnosis.lattices import rounded_exits
 from delaytools.diagnosis.leftover import imitated, left_over, unexplained
 from delaytools.diagnosis.next_experiment import next_experiment
 from delaytools.diagnosis.noise import (
@@ -87,8 +88,13 @@ def segment_report(found: Finding) -> SegmentReport:
     )
     certain = [not (members or left or found.exhausted) for members in sets]
     missing = tuple(_missing(found, k, sets, certain=certain[k]) for k in places_in_file(fitted.added))
+    rounded = rounded_exits(case, fitted)
+    outputs = _on_steps(case, _as_it_was(case, fitted), rounded)
+    directions = _directions(case, fitted, sets)
+    for rows in directions:
+        rows[:, list(rounded)] = 0.0
     return SegmentReport(
-        case.exits, _as_it_was(case, fitted), _directions(case, fitted, sets), case.whitening,
+        case.exits, outputs, directions, case.whitening,
         missing, _ranking(found, null), confusable, _steps(found, adequate=not left), left, _tolerated(case, fitted),
         _notes(found), found.exhausted, _next(case, fitted, sets),
     )  # fmt: skip
@@ -98,6 +104,14 @@ def _as_it_was(case: Case, fitted: Fitted) -> tuple[Array, ...]:
     """Per log (n, exits): the exits without their noise, as far as the model goes."""
     left = left_over(case, case.outputs(fitted.added, fitted.values))
     return tuple(m - rows for m, rows in zip(case.measured, left, strict=True))
+
+
+def _on_steps(case: Case, outputs: tuple[Array, ...], rounded: Mapping[int, float]) -> tuple[Array, ...]:
+    """The outputs, rounded exits on the step that each measured row shows."""
+    for rows, measured in zip(outputs, case.measured, strict=True):
+        for exit, step in rounded.items():
+            rows[:, exit] = step * np.round(measured[:, exit] / step)
+    return outputs
 
 
 def _next(case: Case, fitted: Fitted, sets: list[tuple[Fitted, ...]]) -> NextExperiment | None:

@@ -242,3 +242,18 @@ def test_a_sensor_of_an_exit_is_no_source(late: int) -> None:
     assert "sensed" in base_of(case, fitted(case)).view.sources
     read = replace(case, read_by=frozenset({"sensed"}), _replays={})
     assert ("sensed" in base_of(read, fitted(read)).view.sources) == (late > 100)
+
+
+def test_what_a_rounded_column_drives_is_explained() -> None:
+    """The column is known to the row; when in a row it stepped, nobody knows, and no spline may swing about it."""
+    design = parse_design(BENCH.replace('input = "r"', 'input = "fin"'), "bench.toml")
+    loop = build(design)
+    rounded = Added("quantization", "actuator.output", {"step": 0.5})
+    drive = {"u": Multisine(amplitude=2.0, from_frequency=0.3, to_frequency=4.0, lines=30)}
+    record = simulate(with_added(loop, (rounded,)), drive, duration=10.0).record
+    draw = np.random.default_rng(7)
+    noisy = {name: record[name] + 0.01 * draw.standard_normal(len(record)) for name in ("fin", "y")}
+    log = Record(record.time, {"u": record["u"], **noisy}, {}, frozenset(), "run.csv")
+    found = diagnose(design, [log], effort=Effort(processes=1))
+    assert [(one.effect, one.signal, one.certain) for one in found.missing] == [("quantization", "fin", True)]
+    assert found.verdict == "missing"
