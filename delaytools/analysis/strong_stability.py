@@ -14,7 +14,8 @@ from delaytools.linear.delay_system import DelaySystem
 __all__ = ["StrongStability", "strong_stability"]
 
 RealArray = NDArray[np.float64]
-_FARTHEST = 700.0  # of an exponent: what decays faster is as good as gone
+_FARTHEST = 150.0  # of an exponent: what decays faster is as good as gone, and its squares are no numbers
+_NOTHING = 1e-12  # of a direct gain: below it, it is rounding
 
 
 @final
@@ -62,7 +63,7 @@ def strong_stability(system: DelaySystem) -> StrongStability:
     direct, spans = system.D22[np.ix_(passing, passing)], spans[passing]
     at_zero = structured_value(direct)
     gap = at_zero.upper - at_zero.lower
-    if at_zero.upper == 0.0:
+    if at_zero.upper < _NOTHING:
         return StrongStability(0.0, -np.inf, 0.0, ())
     kept = tuple(int(i) for i in passing[_on_circles(direct)])
     return StrongStability(_value(at_zero), _abscissa(direct, spans), gap, kept)
@@ -93,7 +94,9 @@ def _abscissa(direct: RealArray, spans: RealArray) -> float:
         return 0.0
     far = at_zero / (shortest if at_zero > 0 else longest)  # a circle's spans add up to no less, and no more
     low, high = min(0.0, far), max(0.0, far)
-    while excess(low) < 0 and -low * longest < _FARTHEST:
+    while excess(low) < 0:
+        if -low * longest > _FARTHEST:
+            return -np.inf
         low *= 2
     while excess(high) > 0:
         high *= 2

@@ -44,6 +44,18 @@ def test_retarded_loops_are_strong() -> None:
     assert found.gamma == 0.0 and found.abscissa == -np.inf and found.is_strong and found.words == ""
 
 
+@pytest.mark.parametrize("gain", [0.9, 0.3, 1e-3, 1e-10])
+def test_of_one_circle_the_abscissa_is_exact(gain: float) -> None:
+    """y = u + gain y(t - 0.2): chains of roots at Re s = ln(gain)/0.2."""
+    found = strong_stability(feedback(-gain * delay(0.2)))
+    assert found.gamma == pytest.approx(gain) and found.is_strong
+    assert found.abscissa == pytest.approx(np.log(gain) / 0.2, rel=1e-9)
+
+
+def test_a_direct_gain_of_rounding_is_none() -> None:
+    assert strong_stability(feedback(1e-16 * delay(0.2))).channels == ()
+
+
 @given(st.integers(2, 3), st.integers(0, 10_000), st.booleans())
 @settings(max_examples=25, deadline=None)
 def test_mu_against_all_angles(size: int, seed: int, real: bool) -> None:

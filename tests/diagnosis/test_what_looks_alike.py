@@ -250,7 +250,7 @@ def test_what_a_rounded_column_drives_is_explained() -> None:
     loop = build(design)
     rounded = Added("quantization", "actuator.output", {"step": 0.5})
     drive = {"u": Multisine(amplitude=2.0, from_frequency=0.3, to_frequency=4.0, lines=30)}
-    record = simulate(with_added(loop, (rounded,)), drive, duration=10.0).record
+    record = simulate(with_added(loop, (rounded,)), drive, duration=5.0).record
     draw = np.random.default_rng(7)
     noisy = {name: record[name] + 0.01 * draw.standard_normal(len(record)) for name in ("fin", "y")}
     log = Record(record.time, {"u": record["u"], **noisy}, {}, frozenset(), "run.csv")
