@@ -121,12 +121,15 @@ class Case:
     @cached_property
     def is_driven_by_jumps(self) -> bool:
         """Whether a column jumps now and then: when between two rows, nobody knows."""
+        names = [n for n in self.segment.entries if n in self.smooth and n in self.records[0]]
+        slopes = (np.diff(r[n]) / np.diff(r.time) for r in self.records for n in names if n not in r.held)
+        return self.is_driven_by_steps or any(bool(jumping(one).any()) for one in slopes)
+
+    @cached_property
+    def is_driven_by_steps(self) -> bool:
+        """Whether a column that is not held takes few values: every one of its moves is a jump within a row."""
         first = self.records[0]
-        names = [n for n in self.segment.entries if n in first and n not in first.held]
-        if any(resolution(first[n]) > 0 for n in names):
-            return True
-        slopes = (np.diff(r[n]) / np.diff(r.time) for r in self.records for n in names if n in self.smooth)
-        return any(bool(jumping(one).any()) for one in slopes)
+        return any(resolution(first[n]) > 0 for n in self.segment.entries if n in first and n not in first.held)
 
     @property
     def is_late(self) -> bool:

@@ -72,7 +72,7 @@ def unexplained(case: Case, fitted: Fitted, sent: tuple[Array, ...]) -> tuple[Un
         loud = not case.pieces and is_loud(case, j, every, float(np.std(sent[j])) / CLEANED)
         if worst.is_structured(IN_A_LOUD_BAND if loud else IN_A_BAND):
             found.append(_told(case, exit, worst, hint(case, fitted, j)))
-        elif not (case.is_driven_by_jumps or _gates_noise(case, fitted, j)):
+        elif not (case.is_driven_by_steps or _gates_noise(case, fitted, j)):
             found += _uneven(case, outputs, worst, exit)
     return tuple(found)
 

@@ -123,7 +123,8 @@ def sharpened_again(case: Case, fitted: Fitted) -> Fitted:
             base = base_of(case, at_values(case, tuple(rest), fitted))
             roughly = replace(one, errors={name: OFF * one.values[name] for name in one.errors})
             found = _SHARPEN[one.kind](base, roughly).added
-        moved = within_steps(case, fit_hypothesis(case, (*rest, found), near=fitted, tolerance=CLOSE))
+        moved = fit_hypothesis(case, (*rest, found), near=fitted, tolerance=CLOSE)
+        moved = within_steps(case, moved) if one.kind == "quantization" else moved
         if moved.chi2 > fitted.chi2 - ENOUGH:
             return moved if moved.chi2 < fitted.chi2 else _with_errors(fitted, found)
         fitted = moved
