@@ -58,7 +58,9 @@ def _of_connected(M: ComplexArray) -> StructuredValue:
     upper, scaled = _scaled(M)
     left, _, right = np.linalg.svd(scaled)
     draw = np.random.default_rng(0)
-    starts = [np.angle(left[:, 0] * right[0]), np.zeros(len(M)), *draw.uniform(-np.pi, np.pi, (_STARTS, len(M)))]
+    # σ u = D M D⁻¹ v with |u| = |v| where the largest σ stands alone: Δ u = v makes u an eigenvector of M Δ
+    singular = [-np.angle(u * v) for u, v in zip(left.T, right, strict=True)]
+    starts = [*singular, np.zeros(len(M)), *draw.uniform(-np.pi, np.pi, (_STARTS, len(M)))]
     lower, angles = 0.0, np.zeros(len(M))
     for start in starts:
         radius, at = _driven_up(M, start)
