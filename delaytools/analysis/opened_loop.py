@@ -22,7 +22,7 @@ from delaytools.loop.values import resolve
 from delaytools.signals.expression import signal_expression
 from delaytools.signals.trouble import DesignError
 
-__all__ = ["OpenedLoop", "open_loop", "with_extra_delay"]
+__all__ = ["EXTRA", "OpenedLoop", "open_loop", "with_extra_delay", "writer_port"]
 
 EXTRA = "extra delay"
 CLOSING = "closing delay"
@@ -119,7 +119,7 @@ def open_loop(loop: Loop, at: str, delay_at: str | None = None) -> OpenedLoop:
     """
     loop = resolve(loop)
     name = reader(at)
-    own_port = _writer_port(loop, at)
+    own_port = writer_port(loop, at)
     if delay_at is None or delay_at == own_port:
         broken = cut(loop, at, reads=f"{name} late")
         broken = _joined(broken, EXTRA, name, f"{name} late")
@@ -155,7 +155,7 @@ def _sampled_reader(loop: Loop, name: str, period: float) -> Loop:
     return replace(loop, elements=(*loop.elements, Element("cut sampler", SampleHold(period=period), *wiring)))
 
 
-def _writer_port(loop: Loop, signal: str) -> str:
+def writer_port(loop: Loop, signal: str) -> str:
     """The output port behind which a signal is written, after the effects that act there."""
     if signal not in loop.writers:
         known = [name for name in loop.signals if name in loop.writers]

@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 import typer
 
-from delaytools.cli import measured
+from delaytools.cli import cycles, measured
 from delaytools.cli.answers import check_targets, write_json
 from delaytools.cli.options import (
     At,
@@ -20,7 +20,7 @@ from delaytools.cli.options import (
     say,
     warn,
 )
-from delaytools.cli.reading import check_delay_port, delay_range, gain_range, load, log_columns, seconds
+from delaytools.cli.reading import delay_range, gain_range, load, log_columns, opened_at, seconds
 from delaytools.signals.trouble import DelaytoolsError
 
 # The matrices here are small: threads in the linear algebra cost more than they bring.
@@ -34,26 +34,6 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     help="Delay in hardware-in-the-loop benches: exact margins, roots, runs, tuning, reports.",
 )
-
-def _opened_at(design: Any, loop: Any, at: str | None, delay_at: str | None) -> tuple[str, str | None]:
-    known = [name for name in loop.signals if name in loop.writers]
-    asked, at = at, at or design.tables.analysis.at
-    if at is None:
-        raise DelaytoolsError(
-            "at which signal is the loop opened?",
-            known=known,
-            advice="give --at SIGNAL, or [analysis] at in the design",
-        )
-    if asked is not None and asked not in loop.writers:
-        raise DelaytoolsError(
-            "the loop can be opened where a block writes a signal",
-            where=f"{design.name}: --at",
-            found=repr(asked),
-            known=known,
-        )
-    if delay_at is not None:
-        check_delay_port(design, loop, delay_at)
-    return at, delay_at or design.tables.analysis.delay_at
 
 
 @app.command()
@@ -75,7 +55,7 @@ def margins(
     check_targets(json)
     plan, loop, odd = load(design, configuration)
     warn(odd)
-    at, delay_at = _opened_at(plan, loop, at, delay_at)
+    at, delay_at = opened_at(plan, loop, at, delay_at)
     answer = loop_margins(loop, at, delay_range(delay), delay_at=delay_at)
     if json != "-":
         say("\n".join(margin_lines(answer)))
@@ -122,7 +102,7 @@ def roots(
     check_targets(json)
     plan, loop, odd = load(design, configuration)
     warn(odd)
-    at, delay_at = _opened_at(plan, loop, at, delay_at)
+    at, delay_at = opened_at(plan, loop, at, delay_at)
     answer = loop_roots(
         loop, at, delays=delay_range(delay), gains=gain_range(gain), delay_at=delay_at, count=count
     )
@@ -213,7 +193,7 @@ def tune(
     check_targets(json, out)
     plan, loop, odd = load(design, configuration)
     warn(odd)
-    at, delay_at = _opened_at(plan, loop, at, delay_at)
+    at, delay_at = opened_at(plan, loop, at, delay_at)
     configuration = configuration or plan.tables.tuning.configuration
     answer = tune_design(plan, configuration, at=at, delay_at=delay_at)
     if out is not None:
@@ -252,6 +232,7 @@ def fit(
         write_json({name: getattr(answer, name) for name in names}, json)
 
 
+app.command()(cycles.limit_cycle)
 app.command()(measured.compare)
 app.command()(measured.diagnose)
 app.command()(measured.improve)

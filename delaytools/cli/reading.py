@@ -6,7 +6,7 @@ from typing import Any
 from delaytools.signals.trouble import DelaytoolsError
 from delaytools.signals.units import convert, quantity
 
-__all__ = ["check_delay_port", "delay_range", "gain_range", "load", "log_columns", "seconds"]
+__all__ = ["check_delay_port", "delay_range", "gain_range", "load", "log_columns", "opened_at", "seconds"]
 
 
 def seconds(text: str, option: str) -> float:
@@ -103,3 +103,25 @@ def check_delay_port(design: Any, loop: Any, text: str) -> None:
             found=repr(text),
             advice=f"write {port.element}.input",
         )
+
+
+def opened_at(design: Any, loop: Any, at: str | None, delay_at: str | None) -> tuple[str, str | None]:
+    """Where the loop is opened and where the extra delay stands: as asked for, else as [analysis] says."""
+    known = [name for name in loop.signals if name in loop.writers]
+    asked, at = at, at or design.tables.analysis.at
+    if at is None:
+        raise DelaytoolsError(
+            "at which signal is the loop opened?",
+            known=known,
+            advice="give --at SIGNAL, or [analysis] at in the design",
+        )
+    if asked is not None and asked not in loop.writers:
+        raise DelaytoolsError(
+            "the loop can be opened where a block writes a signal",
+            where=f"{design.name}: --at",
+            found=repr(asked),
+            known=known,
+        )
+    if delay_at is not None:
+        check_delay_port(design, loop, delay_at)
+    return at, delay_at or design.tables.analysis.delay_at

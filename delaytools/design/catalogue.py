@@ -13,6 +13,7 @@ from delaytools.blocks.lead_lag import LeadLag
 from delaytools.blocks.notch import Notch
 from delaytools.blocks.quantizer import Quantizer
 from delaytools.blocks.rate_limiter import RateLimiter
+from delaytools.blocks.relay import Relay
 from delaytools.blocks.sample_hold import SampleHold
 from delaytools.blocks.saturation import Saturation
 from delaytools.blocks.second_order import SecondOrder
@@ -69,6 +70,7 @@ BLOCKS: dict[str, type[Block]] = {
     "saturation": Saturation,
     "quantizer": Quantizer,
     "backlash": Backlash,
+    "relay": Relay,
     "rate_limiter": RateLimiter,
     "inverse_compensator": InverseCompensator,
     "lead_compensator": LeadCompensator,

@@ -14,7 +14,7 @@ from delaytools.effects.effect import Effect, Place, check_place
 from delaytools.effects.formula import FormulaEffect
 from delaytools.effects.parameter_change import ParameterChange
 from delaytools.loop.loop import Element, Loop
-from delaytools.loop.port import Port, find_port, read_at, written_at, written_behind
+from delaytools.loop.port import Port, find_port, first_unit, read_at, written_at, written_behind
 from delaytools.signals.trouble import DelaytoolsError, DesignError, shown
 from delaytools.signals.units import Unit, unit
 
@@ -91,7 +91,7 @@ def _change(loop: Loop, port: Port, name: str, table: Mapping[str, Any]) -> Effe
     if spec is None and not isinstance(element.block, Equations):
         known = sorted(specifications(element.block))
         raise DesignError("unknown value of the block", where=port.element, found=repr(name), known=known)
-    signal = loop.units.get(next(iter(element.outputs.values())), "")
+    signal = first_unit(loop, element)
     try:
         if spec is None:
             return ParameterChange(name=name, new=parameter(table[name], loop.parameters))
@@ -111,8 +111,7 @@ def place_units(loop: Loop, port: Port) -> Units:
         return Units(loop.units.get(written_at(loop, port), ""))
     state = _state_unit(loop, element, port.name)
     if port.kind == "rate":
-        out = loop.units.get(next(iter(element.outputs.values())), "")
-        return Units(out, None, state)
+        return Units(first_unit(loop, element), None, state)
     return Units(None, state.per_second() if state else None, state)
 
 
@@ -123,5 +122,5 @@ def _state_unit(loop: Loop, element: Element, state: str) -> Unit | None:
             if formula.text.strip() == state:
                 return unit(loop.units.get(written_behind(loop, element.outputs[port]), ""))
         return None
-    out = unit(loop.units.get(written_behind(loop, next(iter(element.outputs.values()))), ""))
+    out = unit(first_unit(loop, element))
     return out.per_second() if state == "rate" else out

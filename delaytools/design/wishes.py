@@ -12,7 +12,7 @@ from delaytools.design.faults import Faults
 from delaytools.design.stimuli import read_stimuli
 from delaytools.design.values import Units, number
 from delaytools.loop.loop import Loop
-from delaytools.loop.port import find_port
+from delaytools.loop.port import find_port, first_unit
 from delaytools.loop.values import value_paths
 from delaytools.signals.trouble import DesignError, UnitError, nearest, shown
 from delaytools.signals.units import Unit, quantity, same_dimension, unit
@@ -97,7 +97,7 @@ def unit_at(loop: Loop, path: str) -> Unit | None:
     spec = specifications(element.block).get(value.partition("[")[0]) if element else None
     if element is None or spec is None:
         return None
-    return Units(loop.units.get(next(iter(element.outputs.values())), "")).resolve(spec.unit)
+    return Units(first_unit(loop, element)).resolve(spec.unit)
 
 
 def _check_tolerance(raw: Any, held_in: Unit | None) -> None:

@@ -13,7 +13,7 @@ from delaytools.loop.loop import Element, Loop
 from delaytools.signals.expression import Expression
 from delaytools.signals.trouble import DesignError
 
-__all__ = ["Port", "derivative_states", "find_port", "ports", "read_at", "written_at", "written_behind"]
+__all__ = ["Port", "derivative_states", "find_port", "first_unit", "ports", "read_at", "written_at", "written_behind"]
 
 
 @final
@@ -69,6 +69,11 @@ def written_behind(loop: Loop, signal: str) -> str:
         follower = next(e for e in loop.elements if any(x.text == signal for x in e.inputs.values()))
         signal = follower.outputs["output"]
     return signal
+
+
+def first_unit(loop: Loop, element: Element) -> str:
+    """The unit of the first signal that an element writes, behind the effects there; "" where none is named."""
+    return loop.units.get(written_behind(loop, next(iter(element.outputs.values()))), "")
 
 
 def written_at(loop: Loop, port: Port) -> str:

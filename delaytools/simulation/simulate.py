@@ -16,7 +16,7 @@ from delaytools.signals.trouble import AnalysisError
 from delaytools.simulation.compiling import compile_loop
 from delaytools.simulation.run import run
 
-__all__ = ["SignalFigures", "Simulation", "oscillation", "signal_figures", "simulate"]
+__all__ = ["SignalFigures", "Simulation", "oscillation", "signal_figures", "simulate", "strongest_line"]
 
 
 @final
@@ -107,15 +107,19 @@ def signal_figures(record: Record) -> dict[str, SignalFigures]:
 
 
 def oscillation(time: NDArray[np.float64], values: NDArray[np.float64]) -> tuple[float, float]:
-    """Amplitude and frequency (Hz) of the strongest line in the last half of a run; (0, NaN) where there is none.
+    """`strongest_line` of the last half of a run."""
+    half = time >= (time[0] + time[-1]) / 2
+    return strongest_line(time[half], values[half])
+
+
+def strongest_line(t: NDArray[np.float64], values: NDArray[np.float64]) -> tuple[float, float]:
+    """Amplitude and frequency (Hz) of the strongest line in a signal; (0, NaN) where there is none.
 
     The line is the largest peak of the Hann-windowed spectrum above one cycle per window, placed between bins by
     a parabola through the logarithms; its amplitude is the least-squares sine at that frequency.
     """
-    half = time >= (time[0] + time[-1]) / 2
-    t, y = time[half], values[half] - np.mean(values[half])
-    n = len(t)
-    if n < 16 or np.ptp(y) <= 1e-9 * (1e-300 + np.max(np.abs(values[half]))):
+    n, y = len(t), values - np.mean(values)
+    if n < 16 or np.ptp(y) <= 1e-9 * (1e-300 + np.max(np.abs(values))):
         return 0.0, float("nan")
     step = (t[-1] - t[0]) / (n - 1)
     line = np.polynomial.Polynomial.fit(t, y, 1)

@@ -361,3 +361,41 @@ def test_an_interrupted_run_leaves_nothing(words: tuple[str, ...], tmp_path: Pat
     assert child.returncode == 130, (child.returncode, out, err)
     assert err.strip() == "delaytools: interrupted"
     assert list(tmp_path.iterdir()) == []
+
+
+RELAY_LOOP = """
+title = "Relay, lag and delay"
+frame = "1 ms"
+[signals]
+y = "deg"
+[blocks.relay]
+type = "relay"
+input = "-y"
+output = "u"
+level = 1.0
+[blocks.lag]
+type = "first_order"
+input = "u"
+output = "y"
+time_constant = "0.1 s"
+[analysis]
+at = "y"
+delay_at = "lag.input"
+"""
+
+
+def test_limit_cycles_of_a_relay(inside: Run, tmp_path: Path) -> None:
+    (tmp_path / "relay.toml").write_text(RELAY_LOOP, encoding="utf-8")
+    done = inside("limit-cycle", tmp_path / "relay.toml", "--delay", "15ms:100ms:2", "--json", tmp_path / "a.json")
+    assert done.returncode == 0 and "agrees: reached from below and from above" in done.stdout
+    found = json.loads((tmp_path / "a.json").read_text())["limit_cycles"]
+    lasting = [one for one in found if one["stable"]]
+    assert [one["delay"] for one in lasting] == [0.015, 0.1]
+    assert [round(one["frequency"], 4) for one in lasting] == [17.6223, 3.2289]  # Hz
+    assert [round(one["amplitude"], 4) for one in lasting] == [0.1145, 0.5629]
+    assert all(one["check"]["agrees"] for one in lasting)
+
+
+def test_a_loop_without_limit_cycles_says_why(inside: Run) -> None:
+    done = inside("limit-cycle", ROLL, "--no-check")
+    assert done.returncode == 0 and "none:" in done.stdout and done.stderr == ""

@@ -95,6 +95,12 @@ def test_a_formula_of_parameters_with_units_is_in_the_unit_of_its_place(
     assert found[f"effects.0.{key}"] == pytest.approx(wanted, rel=1e-12)
 
 
+def test_the_unit_of_a_block_is_known_behind_an_effect_at_its_output() -> None:
+    text = effect('type = "dead_band"', 'at = "actuator.output"', 'half_width = "0.1 deg"')
+    text += '[[effects]]\ntype = "rate_limit"\nat = "actuator.rate"\nlimit = "20 deg/s"\n'
+    assert value_paths(build(parse_design(text)))["effects.1.limit"] == pytest.approx(20.0)
+
+
 def test_a_frequency_in_hertz_as_a_parameter() -> None:
     text = effect(
         'type = "periodic_interference"', 'at = "actuator.output"', "amplitude = 1.0", 'frequency = "f"'

@@ -1,0 +1,73 @@
+"""Whether a predicted limit cycle lasts, and what each nonlinear piece does in it: roots of the quasi-linear loop."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from delaytools.analysis.characteristic_roots import rightmost_roots
+from delaytools.analysis.harmonic_balance import Balance, Oscillation, carried_on
+from delaytools.linear.algebra import feedback
+from delaytools.linear.delay_system import DelaySystem
+
+__all__ = ["growth", "other_growth", "piece_gains", "root_with_gains"]
+
+ComplexArray = NDArray[np.complex128]
+_MOVED = 1e-3  # of the amplitude, up and down
+
+
+def growth(balance: Balance, cycle: Oscillation, reference: int) -> float:
+    """a dσ/da in 1/s: how fast a cycle that is a little too large grows (positive: away from it, so it does not last).
+
+    σ: real part of the quasi-linear loop's root that belongs to the cycle, at amplitude a. NaN where it is lost.
+    """
+    size = float(abs(cycle.amplitude[reference]))
+    beside = [carried_on(balance, cycle, reference, size * (1 + sign * _MOVED)) for sign in (1.0, -1.0)]
+    if beside[0] is None or beside[1] is None:
+        return float("nan")
+    return (beside[0].s.real - beside[1].s.real) / (2 * _MOVED)
+
+
+def piece_gains(balance: Balance, cycle: Oscillation) -> tuple[ComplexArray, ...]:
+    """N (r, k) of each piece in the cycle: results = N arguments for these amplitudes (the smallest such N)."""
+    found = []
+    made = balance.results_of(cycle)
+    for own, results in balance.places:
+        entering = cycle.amplitude[own]
+        found.append(np.outer(made[results], entering.conj()) / max(float(np.vdot(entering, entering).real), 1e-300))
+    return tuple(found)
+
+
+def other_growth(balance: Balance, cycle: Oscillation, gains: Sequence[ComplexArray]) -> float:
+    """The largest real part (rad/s) of the quasi-linear loop's other roots: positive where something else grows."""
+    roots = _roots(balance, cycle, gains)
+    pair = [int(np.argmin(np.abs(roots - s))) for s in (cycle.s, np.conj(cycle.s))]
+    others = np.delete(roots, pair)
+    return float(others.real.max()) if others.size else -np.inf
+
+
+def root_with_gains(balance: Balance, cycle: Oscillation, gains: Sequence[ComplexArray]) -> complex:
+    """The root of the quasi-linear loop nearest to the cycle's when pieces have other gains."""
+    roots = _roots(balance, cycle, gains)
+    return complex(roots[np.argmin(np.abs(roots - cycle.s))])
+
+
+def _roots(balance: Balance, cycle: Oscillation, gains: Sequence[ComplexArray]) -> ComplexArray:
+    count = len(balance.arguments)
+    rest = balance.system[slice(0, count), slice(None)]
+    joined = np.zeros((rest.shape[1], count), dtype=complex)
+    for gain, (own, results) in zip(gains, balance.places, strict=True):
+        joined[results, own] = gain
+    closed = feedback(rest * _filter(joined, cycle.s.imag), np.eye(count), sign=1)
+    return rightmost_roots(closed, count=12).roots
+
+
+def _filter(gain: ComplexArray, omega: float) -> DelaySystem:
+    """A real system of first order that is `gain` at jω: Re + Im - 2 Im ω/(s + ω)."""
+    r, k = gain.shape
+    real, imaginary = gain.real, gain.imag
+    none = np.zeros((0, 0))
+    return DelaySystem(
+        A=-omega * np.eye(k), B1=omega * np.eye(k), B2=np.zeros((k, 0)), C1=-2 * imaginary, D11=real + imaginary,
+        C2=np.zeros((0, k)), D12=np.zeros((r, 0)), D21=np.zeros((0, k)), D22=none,
+    )  # fmt: skip
