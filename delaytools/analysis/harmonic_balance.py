@@ -26,6 +26,7 @@ Table = Callable[[RealArray, RealArray], ComplexArray]
 
 FINE = 16384  # points of a period for an answer
 _ROUGH = 32  # points of a period where a net is searched and a piece has several arguments
+_AWAY = 1.5  # in the logarithms of frequency and amplitude: an answer further from its start belongs to another one
 _HARMONICS = range(2, 12)
 
 
@@ -194,7 +195,7 @@ def _solved(
     with np.errstate(all="ignore"):
         found = root(unknown.left_over, unknown.start(), method="hybr", options={"xtol": 1e-13})
         left = unknown.left_over(found.x)
-    good = np.all(np.isfinite(left)) and np.abs(left).max() < 1e-6 and np.all(np.isfinite(found.x))
+    good = np.all(np.isfinite(left)) and np.abs(left).max() < 1e-6 and np.abs(found.x[:2]).max() < _AWAY
     return unknown.oscillation(found.x) if good else None
 
 

@@ -259,7 +259,7 @@ def _work(task: _Task) -> SegmentReport:
     noisy = [entry for entry in part.entries if entry in task.cleaned[0]]
     if noisy and found.fitted.added and not found.exhausted and not any(found.case.lost.values()):
         other, then = driven_best(logged, *columns, under=found.fitted)  # a dead zone may have kept the noise back
-        if any((noises[entry] == 0) != (then[entry] == 0) for entry in noisy):
+        if other.smooth != case.smooth or any((noises[entry] == 0) != (then[entry] == 0) for entry in noisy):
             again = search(other, Carried(then, seed), deadline=deadline)
             if _rest(again) < _rest(found):
                 case, noises, found = other, then, again

@@ -1,7 +1,8 @@
 """What drives a segment: measured columns, with or without the noise of their pick-off, and how rows are joined."""
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +16,7 @@ from delaytools.diagnosis.stepwise import loses_updates
 from delaytools.measurement.measures import resolution
 from delaytools.signals.record import Record
 
-__all__ = ["driven_best", "nominal"]
+__all__ = ["driven_best", "joined_as_it_drove", "nominal"]
 
 Array = NDArray[np.float64]
 SEGMENT, FEWEST = 1024, 8  # rows of a stretch for spectra, and how many stretches there are at least
@@ -58,7 +59,7 @@ def driven_best(
     for entry in noisy:
         tried = _with_columns(case, cleaned, [entry])
         if _passed_on(case, tried, entry, under or nominal(case)):
-            noises[entry] = 0.0
+            noises[entry], case = 0.0, joined_as_it_drove(case, entry, under or nominal(case))
         else:
             case, chosen = tried, [*chosen, entry]
     known_less = tuple({entry: new[entry] for entry in chosen} for new in moved) if chosen else ()
@@ -96,6 +97,23 @@ def _passed_on(as_measured: Case, cleaned: Case, entry: str, under: Fitted) -> b
     return sum(_share(_noisy(as_measured, cleaned, (entry, rows)), cleaned, under) for rows in late) > 0.5
 
 
+def joined_as_it_drove(case: Case, entry: str, under: Fitted) -> Case:
+    """The case with the rows of an entry that drives as measured joined by a spline, where that is what drove.
+
+    The share, in phase, of what the spline changes at the exits in what straight lines leave there: 1 where the spline
+    is right, 0 where straight lines are. What is called its noise may be motion too fast for straight lines.
+    """
+    if entry in case.records[0].held or resolution(case.records[0][entry]) > 0:
+        return case
+    curved = replace(case, smooth=case.smooth | {entry}, _replays={})
+    along, power = 0.0, 0.0
+    for answer, left, weight, welch in _answers(curved, case, under):
+        both = csd(answer, left, **welch)[1].real
+        along += float(np.sum(weight * both))
+        power += float(np.sum(weight * csd(answer, answer, **welch)[1].real))
+    return curved if power > 0 and along > 0.5 * power else case
+
+
 def _noisy(as_measured: Case, cleaned: Case, late: tuple[str, int]) -> Case:
     """The cleaned case with the noise of an entry, some rows late."""
     entry, rows = late
@@ -108,23 +126,30 @@ def _noisy(as_measured: Case, cleaned: Case, late: tuple[str, int]) -> Case:
 
 def _share(noisy_case: Case, cleaned: Case, under: Fitted) -> float:
     """The power of the residual that goes with the noise's response, of that response."""
-    with_noise, without = (one.outputs(under.added, under.values) for one in (noisy_case, cleaned))
-    if not all(np.isfinite(rows).all() for rows in (*with_noise, *without)):  # a hypothesis that runs away says nothing
-        return 0.0
     along, power = 0.0, 0.0
-    for y, noisy, clean in zip(cleaned.measured, with_noise, without, strict=True):
-        size = min(SEGMENT, len(y) // FEWEST)
-        count = max(INDEPENDENT * len(y) / max(size, 1), 2.0)
-        for j in range(y.shape[1] if size > 1 else 0):
-            left, answer = y[:, j] - clean[:, j], noisy[:, j] - clean[:, j]
-            welch = {"nperseg": size, "detrend": "linear"}
-            both = np.abs(csd(answer, left, **welch)[1]) ** 2
-            own, rest = csd(answer, answer, **welch)[1].real, csd(left, left, **welch)[1].real
-            weight = 1 / (rest + 1e-12 * float(np.var(y[:, j])) / size + 1e-300)
-            shared = np.divide(both, own, out=np.zeros_like(own), where=own > 0)
-            along += float(np.sum(weight * (count * shared - rest))) / (count - 1)
-            power += float(np.sum(weight * own))
+    for answer, left, weight, welch in _answers(noisy_case, cleaned, under):
+        count = max(INDEPENDENT * len(left) / welch["nperseg"], 2.0)
+        both = np.abs(csd(answer, left, **welch)[1]) ** 2
+        own, rest = csd(answer, answer, **welch)[1].real, csd(left, left, **welch)[1].real
+        shared = np.divide(both, own, out=np.zeros_like(own), where=own > 0)
+        along += float(np.sum(weight * (count * shared - rest))) / (count - 1)
+        power += float(np.sum(weight * own))
     return along / power if power > 0 else 0.0
+
+
+def _answers(other: Case, case: Case, under: Fitted) -> Iterator[tuple[Array, Array, Array, dict[str, Any]]]:
+    """Per log and exit: what driving it in another way changes (n,), what is left (n,), how each line of a spectrum
+    weighs (by what is left itself), and how spectra are taken; nothing of a hypothesis that runs away."""
+    ways = [one.outputs(under.added, under.values) for one in (other, case)]
+    if not all(np.isfinite(rows).all() for way in ways for rows in way):
+        return
+    for y, changed, usual in zip(case.measured, *ways, strict=True):
+        size = min(SEGMENT, len(y) // FEWEST)
+        for j in range(y.shape[1] if size > 1 else 0):
+            left, answer = y[:, j] - usual[:, j], changed[:, j] - usual[:, j]
+            welch = {"nperseg": size, "detrend": "linear"}
+            rest = csd(left, left, **welch)[1].real
+            yield answer, left, 1 / (rest + 1e-12 * float(np.var(y[:, j])) / size + 1e-300), welch
 
 
 def _with_columns(case: Case, cleaned: tuple[dict[str, Array], ...], names: Sequence[str]) -> Case:

@@ -6,12 +6,15 @@ import pytest
 from delaytools.design.build import build
 from delaytools.design.design import parse_design
 from delaytools.diagnosis.added import Added, with_added
+from delaytools.diagnosis.case import prepared_case
 from delaytools.diagnosis.diagnose import Effort, diagnose
+from delaytools.diagnosis.driving import joined_as_it_drove, nominal
 from delaytools.diagnosis.heldout import HeldOut
 from delaytools.diagnosis.screen import base_of
+from delaytools.loop.segments import segments
 from delaytools.signals.expression import Expression
 from delaytools.signals.record import Record
-from delaytools.signals.stimulus import Formula, Multisine
+from delaytools.signals.stimulus import Column, Formula, Multisine
 from delaytools.simulation.simulate import simulate
 from tests.diagnosis.small_cases import DRIVE, fitted, planted
 
@@ -122,3 +125,33 @@ def test_luck_is_what_the_rows_that_get_worse_say() -> None:
     gain, _ = of(plain).better_than(of(spikes))
     assert gain == 0.0 and of(plain).luck_beside(of(spikes)) == pytest.approx(np.sqrt(2 * 10) * 100)
     assert of(np.zeros(1000)).luck_beside(of(spikes)) == 0.0
+
+
+SENSOR = """
+frame = "1 ms"
+[signals]
+x = "deg/s"
+y = "deg/s"
+[blocks.sensor]
+type = "second_order"
+input = "x"
+output = "y"
+natural_frequency = "400 rad/s"
+damping = 0.65
+"""
+
+
+@pytest.mark.parametrize("curved", [True, False])
+def test_rows_of_a_fast_entry_are_joined_as_what_drove(curved: bool) -> None:
+    """94 Hz at 1 ms: straight lines take 3 % off. What drove was the wave itself, or straight lines between its rows."""
+    loop = build(parse_design(SENSOR))
+    wave = Formula(formula=Expression("2*sin(2*pi*0.7*t) + 0.7*sin(2*pi*94.3*t + 0.4)"))
+    time = 1e-3 * np.arange(4001)
+    rows = wave.value(time)
+    run = simulate(loop, {"x": wave if curved else Column(time=time, values=rows)}, duration=4.0).record
+    noise = 0.02 * np.random.default_rng(1).standard_normal(len(run))
+    log = Record(time, {"x": rows, "y": run["y"] + noise}, {"x": "deg/s", "y": "deg/s"})
+    (part,) = segments(loop, {"x", "y"})
+    case = prepared_case(part, (log,), (), frozenset())
+    found = joined_as_it_drove(case, "x", nominal(case))
+    assert ("x" in found.smooth) is curved
