@@ -31,6 +31,7 @@ FRICTION_PAIRS = (
     ("dead_band", "coulomb_friction"),
 )
 TIMED_TOGETHER = ("delay", "variable_delay", "lag")
+ONE_FRICTION = ("coulomb_friction", "stribeck_friction")  # of one speed: the first only raises two values of the second
 
 
 @dataclass(frozen=True)
@@ -88,11 +89,12 @@ def _several(first: str, count: int, architecture: Architecture, rng: Generator)
 
 
 def _clash(one: Wish, other: Wish) -> bool:
-    """Two effects that no log could tell apart: the same twice in a segment, or two timings in a row."""
+    """Two effects that no log could tell apart: the same twice in a segment, two timings in a row, one friction as two."""
     if one.offer.exits[0] != other.offer.exits[0]:
         return False
     both_timed = one.effect in TIMED_TOGETHER and other.effect in TIMED_TOGETHER
-    return both_timed or one.effect == other.effect
+    one_friction = one.effect in ONE_FRICTION and other.effect in ONE_FRICTION
+    return both_timed or one_friction or one.effect == other.effect
 
 
 def _weak_drift(turn: int, a: Architecture, rng: Generator) -> list[Wish]:

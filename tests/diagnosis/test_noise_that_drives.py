@@ -143,7 +143,7 @@ damping = 0.65
 
 @pytest.mark.parametrize("curved", [True, False])
 def test_rows_of_a_fast_entry_are_joined_as_what_drove(curved: bool) -> None:
-    """94 Hz at 1 ms: straight lines take 3 % off. What drove was the wave itself, or straight lines between its rows."""
+    """94 Hz at 1 ms: straight lines take 3 % off. What drove was the wave, or straight lines between its rows."""
     loop = build(parse_design(SENSOR))
     wave = Formula(formula=Expression("2*sin(2*pi*0.7*t) + 0.7*sin(2*pi*94.3*t + 0.4)"))
     time = 1e-3 * np.arange(4001)
