@@ -28,6 +28,7 @@ _PUBLIC = {
     "loop_margins": "analysis.questions",
     "loop_roots": "analysis.questions",
     "transfer": "analysis.questions",
+    "limit_cycles": "analysis.limit_cycles",
     "margins": "analysis.margins",
     "sweep_margins": "analysis.delay_sweep",
     "rightmost_roots": "analysis.characteristic_roots",

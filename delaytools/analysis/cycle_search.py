@@ -4,18 +4,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delaytools.analysis.describing_functions import POINTS, Sines, first_harmonics
+from delaytools.analysis.frequency_net import PER_DECADE
 from delaytools.analysis.harmonic_balance import Balance, Oscillation, polished
-from delaytools.linear.delay_system import DelaySystem
 
-__all__ = ["balanced_oscillations", "frequency_net"]
+__all__ = ["balanced_oscillations"]
 
 RealArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
 _SIZES = np.geomspace(1e-9, 1e9, 18 * 32 + 1)
 _PROPORTIONAL = 0.003  # a piece is linear where its answer grows with the size by the power 1 within this
-_NET = (20, 32)  # sizes and frequencies per decade where one argument stands alone
-_WIDE_NET = (6, 16)
+_SIZES_PER_DECADE = 20
+_WIDE_NET = (6, 16)  # sizes and frequencies per decade where pieces have several arguments together
 _MOST = 12  # balances kept, those of the lowest frequencies
 _SWEEPS = 6
 _NEWTON_STEPS = 12
@@ -30,16 +30,24 @@ def balanced_oscillations(balance: Balance) -> tuple[Oscillation, ...]:
     A cycle keeps at least one piece busy where it is not linear: with that piece's argument as the reference, the sizes
     to look at are those where it is not.
     """
-    omega = frequency_net(balance.system)
     found: list[Oscillation] = []
     for reference in range(len(balance.arguments)):
         with np.errstate(all="ignore"):  # what is not finite on the net is no start
-            starts = _starts(balance, reference, omega)
-        for start in starts:
-            answer = polished(balance, start, reference)
-            if answer is not None and not any(_same(answer, other) for other in found):
-                found.append(answer)
+            starts = _starts(balance, reference, balance.net)
+        if balance.is_slow and not balance.lopsided:
+            nearly = (polished(balance, start, reference, rough=True) for start in starts)
+            starts = _distinct([one for one in nearly if one is not None])
+        answers = (polished(balance, start, reference) for start in starts)
+        found = _distinct([*found, *(one for one in answers if one is not None)])
     return tuple(sorted(found, key=lambda one: one.s.imag)[:_MOST])
+
+
+def _distinct(found: list[Oscillation]) -> list[Oscillation]:
+    kept: list[Oscillation] = []
+    for one in found:
+        if not any(_same(one, other) for other in kept):
+            kept.append(one)
+    return kept
 
 
 def _same(one: Oscillation, other: Oscillation) -> bool:
@@ -48,35 +56,11 @@ def _same(one: Oscillation, other: Oscillation) -> bool:
     return bool(near and np.all(np.abs(sizes - others) <= 10 * _SAME * (sizes + others).max()))
 
 
-def frequency_net(system: DelaySystem) -> RealArray:
-    """ω (n,) in rad/s: logarithmic, closer at light modes, and fine enough for the turns of the delays."""
-    closed = np.eye(system.n_channels) - system.D22
-    poles = [np.linalg.eigvals(system.A)] if system.n_states else [np.zeros(0)]
-    if system.n_channels and system.n_states and np.linalg.cond(closed) < 1e12:
-        poles.append(np.linalg.eigvals(system.A + system.B2 @ np.linalg.solve(closed, system.C2)))
-    points = np.concatenate(poles)
-    sizes = np.abs(points)
-    spans = np.array([span for span in system.delays if span > 0])
-    known = sizes[sizes > 1e-9 * sizes.max(initial=0.0)]
-    scales = np.concatenate([known, 1.0 / spans]) if known.size + spans.size else np.ones(1)
-    low, high = 0.02 * scales.min(), 30.0 * scales.max()
-    grids = [np.geomspace(low, high, max(64, int(_NET[1] * np.log10(high / low))))]
-    for point in points[(points.imag > 0) & (np.abs(points.real) < 0.3 * sizes)]:
-        width = max(abs(point.real), 1e-4 * abs(point))
-        steps = width * np.geomspace(0.3, max(0.6, 0.3 * abs(point) / width), 12)
-        grids += [point.imag - steps, np.array([point.imag]), point.imag + steps]
-    if spans.size:
-        step = 0.3 / spans.sum()
-        grids.append(np.arange(step, min(high, 1500 * step), step))
-    every = np.unique(np.concatenate(grids))
-    return every[every > 0.5 * low]
-
-
 def _starts(balance: Balance, reference: int, omega: RealArray) -> list[Oscillation]:
     """Corners of the net's cells in which the balance of the reference changes sign in size and in phase."""
     alone = len(balance.arguments) == 1
     if not alone:
-        omega = omega[:: max(1, round(_NET[1] / _WIDE_NET[1]))]
+        omega = omega[:: max(1, round(PER_DECADE / _WIDE_NET[1]))]
     reached = balance.reached(1j * omega)
     good = np.isfinite(reached).all(axis=(1, 2))
     omega, reached = omega[good], reached[good]
@@ -116,7 +100,7 @@ def _worth_looking(
     heard = back > _FAINT * _after_first_turn(omega, reached[:, reference, results], back)
     one = len(balance.arguments) == 1
     low, high = _bounds(gains[bent], _SIZES[bent], back[heard], 2.0 if one else _BESIDE_OTHERS)
-    per_decade = (_NET if one else _WIDE_NET)[0]
+    per_decade = _SIZES_PER_DECADE if one else _WIDE_NET[0]
     sizes = np.geomspace(low / 2, high * 2, max(8, int(per_decade * np.log10(4 * high / low))))
     return sizes, omega[heard], reached[heard]
 

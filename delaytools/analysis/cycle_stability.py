@@ -7,12 +7,14 @@ from numpy.typing import NDArray
 
 from delaytools.analysis.characteristic_roots import rightmost_roots
 from delaytools.analysis.harmonic_balance import Balance, Oscillation, carried_on
+from delaytools.analysis.root_newton import newton
 from delaytools.linear.algebra import feedback
 from delaytools.linear.delay_system import DelaySystem
 
 __all__ = ["growth", "other_growth", "piece_gains", "root_with_gains"]
 
 ComplexArray = NDArray[np.complex128]
+_LEFT = 0.02  # of the cycle's frequency: how far left of the axis other roots are looked for
 _MOVED = 1e-3  # of the amplitude, up and down
 
 
@@ -39,27 +41,30 @@ def piece_gains(balance: Balance, cycle: Oscillation) -> tuple[ComplexArray, ...
 
 
 def other_growth(balance: Balance, cycle: Oscillation, gains: Sequence[ComplexArray]) -> float:
-    """The largest real part (rad/s) of the quasi-linear loop's other roots: positive where something else grows."""
-    roots = _roots(balance, cycle, gains)
-    pair = [int(np.argmin(np.abs(roots - s))) for s in (cycle.s, np.conj(cycle.s))]
-    others = np.delete(roots, pair)
-    return float(others.real.max()) if others.size else -np.inf
+    """The largest real part (rad/s) of the quasi-linear loop's other roots: positive where something else grows.
+
+    -inf where none lies right of a line a little left of the axis.
+    """
+    found = rightmost_roots(_closed(balance, cycle, gains), right_of=-_LEFT * cycle.s.imag).roots
+    others = found[np.minimum(np.abs(found - cycle.s), np.abs(found - np.conj(cycle.s))) > _LEFT * abs(cycle.s) / 2]
+    return float(others.real.max(initial=-np.inf))
 
 
 def root_with_gains(balance: Balance, cycle: Oscillation, gains: Sequence[ComplexArray]) -> complex:
-    """The root of the quasi-linear loop nearest to the cycle's when pieces have other gains."""
-    roots = _roots(balance, cycle, gains)
-    return complex(roots[np.argmin(np.abs(roots - cycle.s))])
+    """The root of the quasi-linear loop that Newton's steps reach from the cycle's when pieces have other gains."""
+    closed = _closed(balance, cycle, gains)
+    spans = np.array(closed.delays).reshape(1, closed.n_channels)
+    return complex(newton(closed, np.array([cycle.s]), spans)[0][0])
 
 
-def _roots(balance: Balance, cycle: Oscillation, gains: Sequence[ComplexArray]) -> ComplexArray:
+def _closed(balance: Balance, cycle: Oscillation, gains: Sequence[ComplexArray]) -> DelaySystem:
+    """The rest with constant gains, right at the cycle's frequency, in place of the pieces."""
     count = len(balance.arguments)
     rest = balance.system[slice(0, count), slice(None)]
     joined = np.zeros((rest.shape[1], count), dtype=complex)
     for gain, (own, results) in zip(gains, balance.places, strict=True):
         joined[results, own] = gain
-    closed = feedback(rest * _filter(joined, cycle.s.imag), np.eye(count), sign=1)
-    return rightmost_roots(closed, count=12).roots
+    return feedback(rest * _filter(joined, cycle.s.imag), np.eye(count), sign=1).without_zero_delays()
 
 
 def _filter(gain: ComplexArray, omega: float) -> DelaySystem:

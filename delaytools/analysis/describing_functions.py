@@ -2,10 +2,13 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any, final
 
+import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import RegularGridInterpolator
 
 from delaytools.blocks.backlash import Backlash
 from delaytools.blocks.dead_band import DeadBand
@@ -22,9 +25,13 @@ ComplexArray = NDArray[np.complex128]
 
 POINTS = 1024  # of one period: what jumps at a phase of its own is 1/POINTS of a turn off at most
 _AT_ONCE = 2_000_000  # values of a formula
-_TURNS = 3  # periods after which a memory repeats
+_TURNS = 3  # periods after which a memory repeats that has no time of its own
+_SETTLED, _MOST_TURNS = 8.0, 40  # own times after which another one repeats, and periods at most
+_MOST_POINTS = 16384
 _MANY_STEPS = 1000  # steps of a quantiser in an amplitude, beyond which its gain is 1 within 1e-4
 _MEMORY_POINTS = 512  # of a period along which a memory is followed
+_OF_MOVING = (6, 8)  # speeds and frequencies per decade
+_TABLE_POINTS = 256
 _TABLE = np.geomspace(1e-12, 1e12, 24 * 96 + 1)
 _FULL = 2.0 / np.hypot(np.pi, 2.0)  # limit / (A ω) below which a slew limit never catches up with the sine
 
@@ -67,32 +74,79 @@ def first_harmonics(
 
 def harmonics(part: NonlinearPart, sines: Sines, orders: Sequence[int], points: int = POINTS) -> ComplexArray:
     """(orders, r, N): y = Re(lines[0] / 2 + Σ lines[n] e^{jnωt}), by sums over one period once a memory has settled."""
-    points = min(points, _MEMORY_POINTS) if part.remembers else points
-    waves = _remembered if part.remembers else _instant
-    turning = np.exp(-1j * np.outer(_angles(points), np.asarray(orders))) * (2.0 / points)
+    if part.memory:
+        return _remembered_lines(part, sines, orders)
+    turning = _turning(points, orders)
     count = max(1, _AT_ONCE // points)
     pieces = [sines.at(slice(k, k + count)) for k in range(0, sines.omega.size, count)]
-    return np.moveaxis(np.concatenate([waves(part, piece, points) @ turning for piece in pieces], axis=1), -1, 0)
+    return np.moveaxis(np.concatenate([_instant(part, piece, points) @ turning for piece in pieces], axis=1), -1, 0)
 
 
-def gain_table(part: NonlinearPart) -> Callable[[RealArray, RealArray], ComplexArray] | None:
+def _turning(points: int, orders: Sequence[int]) -> ComplexArray:
+    return np.exp(-1j * np.outer(_angles(points), np.asarray(orders))) * (2.0 / points)
+
+
+def _remembered_lines(part: NonlinearPart, sines: Sines, orders: Sequence[int]) -> ComplexArray:
+    """Of a piece with memory, frequency by frequency: each takes steps and turns of its own."""
+    found = np.empty((len(orders), len(part.results), sines.omega.size), dtype=complex)
+    for omega in np.unique(sines.omega):
+        here = np.flatnonzero(sines.omega == omega)
+        shortest, longest = part.times
+        points = _MEMORY_POINTS
+        if shortest > 0:
+            points = int(np.clip(2 * np.pi / omega / shortest, points, _MOST_POINTS))
+        turns = int(np.clip(1 + _SETTLED * longest * omega / (2 * np.pi), 2, _MOST_TURNS)) if longest > 0 else _TURNS
+        waves = _remembered(part, sines.at(here), points, turns)
+        found[:, :, here] = np.moveaxis(waves @ _turning(points, orders), -1, 0)
+    return found
+
+
+def gain_table(part: NonlinearPart, omega: RealArray) -> Callable[[RealArray, RealArray], ComplexArray] | None:
     """(amplitude, ω) -> gains (r, N) of a piece of one argument, for a search: about 1e-3 off, more beside an edge.
 
-    None for a piece of several arguments.
+    omega: the frequencies, rising, among which it is asked. None for a piece of several arguments.
     """
     if len(part.arguments) != 1:
         return None
-    if isinstance(part.block, RateLimiter):
-        exact = closed_form(part)
-        assert exact is not None
-        return lambda size, omega: exact(np.maximum(size, _TABLE[0]), omega)[None, :]
+    exact = closed_form(part) if isinstance(part.block, RateLimiter) else None
+    if exact is not None:
+        return lambda size, at: exact(np.maximum(size, _TABLE[0]), at)[None, :]
+    if part.memory and closed_form(part) is None:
+        return _moving_table(part, omega)
     sines = Sines(np.zeros((1, _TABLE.size)), _TABLE[None, :] + 0j, np.ones(_TABLE.size))
-    gains = first_harmonics(part, sines)[1] / _TABLE
+    gains = first_harmonics(part, sines, _TABLE_POINTS)[1] / _TABLE
     places = np.log(_TABLE)
 
-    def table(size: RealArray, omega: RealArray) -> ComplexArray:
-        at = np.log(np.maximum(size, _TABLE[0]))
-        return np.stack([np.interp(at, places, row) for row in gains])
+    def table(size: RealArray, at: RealArray) -> ComplexArray:
+        where = np.log(np.maximum(size, _TABLE[0]))
+        return np.stack([np.interp(where, places, row) for row in gains])
+
+    return table
+
+
+def _moving_table(part: NonlinearPart, omega: RealArray) -> Callable[[RealArray, RealArray], ComplexArray]:
+    """Gains of a piece with times of its own over A ω, the speed asked of it, and ω.
+
+    Below a hundredth of its own fastest rate the gain depends on A ω alone: what limits it there is its speed.
+    """
+    low = max(float(omega[0]), 0.01 / part.times[0])
+    high = max(min(float(omega[-1]), 3.0 / part.times[0]), 2 * low)
+    rates = np.geomspace(low, high, max(4, int(_OF_MOVING[1] * np.log10(high / low))))
+    probe = _TABLE[:: _TABLE.size // 96]
+    middle = np.full(probe.size, np.sqrt(rates[0] * rates[-1]))
+    answer = np.abs(first_harmonics(part, Sines(np.zeros((1, probe.size)), probe[None, :] + 0j, middle))[1]).max(axis=0)
+    bent = np.abs(np.gradient(np.log(np.maximum(answer, 1e-300)), np.log(probe)) - 1) > 0.01
+    knee = float(probe[bent][0] * middle[0]) if bent.any() else 1.0
+    speeds = knee * np.geomspace(0.1, 1e4, 5 * _OF_MOVING[0] + 1)
+    size = speeds[:, None] / rates[None, :]
+    sines = Sines(np.zeros((1, size.size)), size.reshape(1, -1) + 0j, np.tile(rates, len(speeds)))
+    gains = (first_harmonics(part, sines)[1] / sines.amplitude).reshape(-1, *size.shape)
+    places = np.log(speeds), np.log(rates)
+    tables = [RegularGridInterpolator(places, gain, bounds_error=False, fill_value=None) for gain in gains]
+
+    def table(size: RealArray, at: RealArray) -> ComplexArray:
+        inside = np.clip(np.log(np.maximum(size, 1e-300) * at), places[0][0], places[0][-1])
+        return np.stack([one((inside, np.clip(np.log(at), places[1][0], places[1][-1]))) for one in tables])
 
     return table
 
@@ -112,16 +166,27 @@ def _instant(part: NonlinearPart, sines: Sines, points: int) -> RealArray:
     return found.reshape(len(part.results), *u.shape[1:])
 
 
-def _remembered(part: NonlinearPart, sines: Sines, points: int) -> RealArray:
-    """A memory followed from angle to angle for some turns, the last one kept."""
-    u = _arguments(sines, points)[0]
+def _remembered(part: NonlinearPart, sines: Sines, points: int, turns: int) -> RealArray:
+    """A memory followed from angle to angle for some turns, the last one kept: (r, N, points)."""
+    u = _arguments(sines, points)
+    before = np.roll(u, 1, axis=-1)
     step = (2 * np.pi / points) / sines.omega
-    memory, found = sines.mean[0].copy(), np.empty((1, *u.shape))
-    for index in range(_TURNS * points):
-        at = index % points
-        memory = np.asarray(part.formula(memory[None, :], u[None, :, at], step[None, :]))[0]
-        found[0, :, at] = memory
+    turn = _turn(part.formula, points)
+    found = np.empty((len(part.results), *u.shape[1:]))
+    for column in range(sines.omega.size):
+        # a follower begins where its argument's mean is, what has times of its own at rest
+        memory = np.full(part.memory, sines.mean[0, column] if part.times == (0.0, 0.0) else 0.0)
+        for _ in range(turns):
+            steps, out = turn(memory, before[:, column], u[:, column], np.full((1, points), step[column]))
+            memory = np.asarray(steps)[:, -1]
+        found[:, column] = np.asarray(out)
     return found
+
+
+@lru_cache(maxsize=64)
+def _turn(formula: ca.Function, points: int) -> ca.Function:
+    """A whole turn of a memory in one call."""
+    return formula.mapaccum(points)
 
 
 def closed_form(part: NonlinearPart) -> Callable[[RealArray, RealArray], ComplexArray] | None:

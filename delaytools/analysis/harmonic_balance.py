@@ -1,7 +1,7 @@
 """The first-harmonic balance of a loop: a linear rest with exact delay, nonlinear pieces by describing functions."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import final
 
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.optimize import root
 
 from delaytools.analysis.describing_functions import Sines, first_harmonics, gain_table, harmonics
+from delaytools.analysis.frequency_net import frequency_net
 from delaytools.linear.delay_system import DelaySystem
 from delaytools.linear.hold_approximation import continuous_approximation
 from delaytools.linear.sampled_system import SampledSystem
@@ -26,6 +27,7 @@ Table = Callable[[RealArray, RealArray], ComplexArray]
 
 FINE = 16384  # points of a period for an answer
 _ROUGH = 32  # points of a period where a net is searched and a piece has several arguments
+_TRIES = 25  # evaluations for each unknown
 _AWAY = 1.5  # in the logarithms of frequency and amplitude: an answer further from its start belongs to another one
 _HARMONICS = range(2, 12)
 
@@ -58,6 +60,7 @@ class Balance:
     offsets: RealArray
     signals: tuple[str, ...]
     without: tuple[str, ...]
+    _kept: dict[str, tuple[Table | None, ...]] = field(default_factory=dict, repr=False)  # for all delays
 
     @property
     def arguments(self) -> tuple[str, ...]:
@@ -81,9 +84,16 @@ class Balance:
         ]
         return np.concatenate([mean for mean, _ in pairs]), np.concatenate([first for _, first in pairs])
 
-    @cached_property
+    @property
     def _tables(self) -> tuple[Table | None, ...]:
-        return tuple(gain_table(part) for part in self.parts)
+        if "tables" not in self._kept:
+            self._kept["tables"] = tuple(gain_table(part, self.net) for part in self.parts)
+        return self._kept["tables"]
+
+    @cached_property
+    def net(self) -> RealArray:
+        """The frequencies (n,), rad/s, among which balances are sought."""
+        return frequency_net(self.system)
 
     def roughly_made(self, amplitude: ComplexArray, omega: RealArray) -> ComplexArray:
         """First harmonic of all results, (r, N), for a search: no means, from tables where a piece has one argument."""
@@ -111,6 +121,11 @@ class Balance:
         turned = np.exp(2j * np.pi * generator.uniform(size=(k, 1)))
         mean, first = self.made(Sines(np.zeros((k, 17)), sizes * turned, np.full(17, 30.0)), 256)
         return bool(np.any(np.abs(mean) > 1e-3 * np.abs(first).max(initial=1e-300)))
+
+    @property
+    def is_slow(self) -> bool:
+        """Whether a piece has to be followed for turns to be known."""
+        return any(part.times != (0.0, 0.0) for part in self.parts)
 
     def missing_mean(self, mean: RealArray, rest: RealArray, made: RealArray) -> RealArray:
         """What is left of the balance of means; rest: (x, v, w) of the still system, made: means of the results."""
@@ -174,26 +189,29 @@ def with_delay(balance: Balance, transport: int, seconds: float) -> Balance:
     return replace(balance, still=still, system=continuous_approximation(still))
 
 
-def polished(balance: Balance, start: Oscillation, reference: int, points: int = FINE) -> Oscillation | None:
+def polished(balance: Balance, start: Oscillation, reference: int, *, rough: bool = False) -> Oscillation | None:
     """The limit cycle near a start: s on the axis, the argument `reference` with phase 0; None where none is reached.
 
-    Unknown: ln ω, ln of that amplitude, the other amplitudes in its units, and means where there are any.
+    Unknown: ln ω, ln of that amplitude, the other amplitudes in its units, and means where there are any. rough: by
+    the tables of a search.
     """
-    return _solved(balance, start, reference, None, points)
+    return _solved(balance, start, reference, None, rough)
 
 
 def carried_on(balance: Balance, start: Oscillation, reference: int, size: float) -> Oscillation | None:
     """The quasi-linear root near a cycle at another amplitude of the reference: s has a real part there."""
-    return _solved(balance, start, reference, size, FINE)
+    return _solved(balance, start, reference, size)
 
 
 def _solved(
-    balance: Balance, start: Oscillation, reference: int, size: float | None, points: int
+    balance: Balance, start: Oscillation, reference: int, size: float | None, rough: bool = False
 ) -> Oscillation | None:
     """The balance from a start, with the reference's amplitude free on the axis, or given with s free."""
-    unknown = _Unknown(balance, start, reference, size, points)
+    unknown = _Unknown(balance, start, reference, size, rough)
+    begin = unknown.start()
     with np.errstate(all="ignore"):
-        found = root(unknown.left_over, unknown.start(), method="hybr", options={"xtol": 1e-13})
+        options = {"xtol": 1e-13, "maxfev": _TRIES * (len(begin) + 1)}
+        found = root(unknown.left_over, begin, method="hybr", options=options)
         left = unknown.left_over(found.x)
     good = np.all(np.isfinite(left)) and np.abs(left).max() < 1e-6 and np.abs(found.x[:2]).max() < _AWAY
     return unknown.oscillation(found.x) if good else None
@@ -208,7 +226,7 @@ class _Unknown:
     near: Oscillation
     reference: int
     size: float | None
-    points: int
+    rough: bool
 
     @property
     def others(self) -> list[int]:
@@ -236,9 +254,10 @@ class _Unknown:
     def oscillation(self, x: RealArray) -> Oscillation:
         k, others = len(self.near.amplitude), self.others
         count = len(others)
-        turn = self.near.s.imag * np.exp(x[0])
-        size = self._scale * np.exp(x[1]) if self.size is None else self.size
-        s = 1j * turn if self.size is None else complex(x[1] * abs(self.near.s), turn)
+        first, second = np.clip(np.nan_to_num(x[:2]), -2 * _AWAY, 2 * _AWAY)
+        turn = self.near.s.imag * np.exp(first)
+        size = self._scale * np.exp(second) if self.size is None else self.size
+        s = 1j * turn if self.size is None else complex(second * abs(self.near.s), turn)
         amplitude = np.empty(k, dtype=complex)
         amplitude[self.reference] = size
         amplitude[others] = size * (x[2 : 2 + count] + 1j * x[2 + count : 2 + 2 * count])
@@ -248,7 +267,10 @@ class _Unknown:
     def left_over(self, x: RealArray) -> RealArray:
         found = self.oscillation(x)
         sines = Sines(found.mean[:, None], found.amplitude[:, None], np.array([found.s.imag]))
-        mean, first = self.balance.made(sines, self.points)
+        if self.rough:
+            mean, first = np.zeros((0, 1)), self.balance.roughly_made(sines.amplitude, sines.omega)
+        else:
+            mean, first = self.balance.made(sines, FINE)
         size = abs(found.amplitude[self.reference])  # as it is now: nothing at all is no oscillation
         left = (self.balance.reached(np.array([found.s]))[0] @ first[:, 0] - found.amplitude) / size
         parts = [left.real, left.imag]

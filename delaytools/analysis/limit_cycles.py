@@ -7,7 +7,7 @@ from typing import final
 import numpy as np
 
 from delaytools.analysis.cycle_check import Checked, Predicted, checked
-from delaytools.analysis.cycle_search import balanced_oscillations, frequency_net
+from delaytools.analysis.cycle_search import balanced_oscillations
 from delaytools.analysis.cycle_stability import growth, other_growth, piece_gains, root_with_gains
 from delaytools.analysis.harmonic_balance import Balance, Oscillation, balance_of, with_delay
 from delaytools.analysis.margins import Sampling
@@ -133,8 +133,7 @@ def _why(looked_at: Sequence[Balance], found: Sequence[LimitCycle]) -> str:
 
 def _wide(balance: Balance) -> tuple[float, float]:
     """The frequencies (Hz) between which the linear rest does anything of its own."""
-    omega = frequency_net(balance.system)
-    return float(omega[0]) / (2 * np.pi), float(omega[-1]) / (2 * np.pi)
+    return float(balance.net[0]) / (2 * np.pi), float(balance.net[-1]) / (2 * np.pi)
 
 
 def _cycle(balance: Balance, found: Oscillation, at: str, tau: float, runs: Loop | None) -> LimitCycle:

@@ -12,6 +12,7 @@ from delaytools.blocks.gain import Gain
 from delaytools.blocks.state_space import StateSpace
 from delaytools.loop.linearity import nonlinear_in
 from delaytools.loop.loop import Element, Loop
+from delaytools.loop.modifier import LIMIT
 from delaytools.loop.network import Leaves, network
 from delaytools.loop.values import resolve
 from delaytools.signals.expression import signal_expression
@@ -25,8 +26,10 @@ class NonlinearPart:
     """One nonlinear piece of a loop.
 
     name: of the block, or of the effects (`TYPE@PORT`) that make it nonlinear. arguments: signals of the rest that it
-    reads. results: external inputs of the rest that it drives. formula: (arguments) -> results, vectors; of a memory
-    (y before, argument, seconds since) -> y. block: the whole block, where the piece is just that; else None.
+    reads. results: external inputs of the rest that it drives. formula: (arguments) -> results, vectors; of a piece
+    with memory (memory, arguments before, arguments now, seconds between) -> (memory, results). block: the whole block,
+    where the piece is just that; else None. memory: numbers that it remembers. times: s, the shortest and the longest
+    in which what it remembers moves by itself.
     """
 
     name: str
@@ -34,11 +37,8 @@ class NonlinearPart:
     results: tuple[str, ...]
     formula: ca.Function
     block: Block | None
-
-    @property
-    def remembers(self) -> bool:
-        """Whether the result depends on what the argument was before (play, a slew limit)."""
-        return isinstance(self.block, Follower)
+    memory: int = 0
+    times: tuple[float, float] = (0.0, 0.0)
 
     @property
     def in_a_wire(self) -> bool:
@@ -70,6 +70,10 @@ def parted(loop: Loop) -> Parted:
         if isinstance(element.block, Follower):
             elements.append(_reader(element))
             parts.append(_memory(element, element.block))
+        elif isinstance(element.block, Continuous) and any(p.modifier.stage == LIMIT for p in element.modifiers):
+            rows = _rows(loop, element, element.block)
+            elements.extend(_readers(element, rows))
+            parts.append(_limited(element, rows))
         elif isinstance(element.block, Continuous):
             linear, own = _split(loop, element, element.block)
             elements.append(linear)
@@ -86,11 +90,11 @@ def _reader(element: Element) -> Element:
 
 
 def _memory(element: Element, block: Follower) -> NonlinearPart:
-    before, u, elapsed = (ca.SX.sym(name) for name in ("before", "u", "elapsed"))
-    formula = ca.Function("memory", [before, u, elapsed], [ca.SX(block.follow(before, u, elapsed))])
-    return NonlinearPart(
-        element.name, (f"{element.name}@argument",), tuple(element.outputs.values()), formula, block
-    )
+    memory, before, u, elapsed = (ca.SX.sym(name) for name in ("memory", "before", "u", "elapsed"))
+    followed = ca.SX(block.follow(memory, u, elapsed))
+    formula = ca.Function("memory", [memory, before, u, elapsed], [followed, followed])
+    arguments, results = (f"{element.name}@argument",), tuple(element.outputs.values())
+    return NonlinearPart(element.name, arguments, results, formula, block, 1)
 
 
 @final
@@ -124,6 +128,53 @@ def _rows(loop: Loop, element: Element, block: Continuous) -> _Rows:
     derivatives = [rates[element.name, state] for state in block.states]
     outputs = [known[signal] for signal in element.outputs.values()]
     return _Rows(tuple(ca.SX(row) for row in (*derivatives, *outputs)), block.states, read, variables)
+
+
+def _readers(element: Element, found: _Rows) -> list[Element]:
+    """Wires that show what a block reads."""
+    ports = {f"{port}@port": port for port in element.block.inputs}
+    names = [f"{element.name}@{name}" for name in found.read]
+    sources = [signal_expression(signal) if signal else element.inputs[ports[name]]
+               for name, signal in found.read.items()]  # fmt: skip
+    return [
+        Element(name, Gain(), {"input": source}, {"output": name})
+        for name, source in zip(names, sources, strict=True)
+    ]
+
+
+def _limited(element: Element, found: _Rows) -> NonlinearPart:
+    """A whole block with states as one piece: what limits its own speed leaves no sine in its states.
+
+    One classical Runge-Kutta step from what it read before to what it reads now.
+    """
+    n, count = len(found.states), len(found.names)
+    x, before, now, elapsed = ca.SX.sym("x", n), ca.SX.sym("b", count - n), ca.SX.sym("u", count - n), ca.SX.sym("h")
+    rows = ca.Function("rows", [found.variables], [ca.vertcat(*found.rows)])
+
+    def rates(state: ca.SX, share: float) -> ca.SX:
+        return rows(ca.vertcat(state, before + share * (now - before)))[:n]
+
+    first = rates(x, 0.0)
+    second = rates(x + elapsed / 2 * first, 0.5)
+    third = rates(x + elapsed / 2 * second, 0.5)
+    new = x + elapsed / 6 * (first + 2 * second + 2 * third + rates(x + elapsed * third, 1.0))
+    formula = ca.Function("piece", [x, before, now, elapsed], [new, rows(ca.vertcat(new, now))[n:]])
+    arguments = tuple(f"{element.name}@{name}" for name in found.read)
+    return NonlinearPart(
+        _name(element), arguments, tuple(element.outputs.values()), formula, None, n, _own_times(found)
+    )
+
+
+def _own_times(found: _Rows) -> tuple[float, float]:
+    """The shortest and the longest time constant, s, at rest and where everything is large."""
+    n = len(found.states)
+    rates = ca.vertcat(*found.rows[:n])
+    slopes = ca.Function("slopes", [found.variables], [ca.densify(ca.jacobian(rates, found.variables))])
+    generator = np.random.default_rng(3)
+    points = [np.zeros(len(found.names)), *(1e6 * generator.standard_normal((12, len(found.names))))]
+    roots = [np.linalg.eigvals(np.asarray(slopes(point))[:, :n]) for point in points]
+    decay = np.abs(roots[0].real)
+    return 1.0 / float(max(np.abs(one).max() for one in roots)), 1.0 / float(decay[decay > 0].min(initial=np.inf))
 
 
 def _split(loop: Loop, element: Element, block: Continuous) -> tuple[Element, tuple[NonlinearPart, ...]]:

@@ -22,9 +22,13 @@ from delaytools.blocks.quantizer import Quantizer
 from delaytools.blocks.rate_limiter import RateLimiter
 from delaytools.blocks.relay import Relay
 from delaytools.blocks.saturation import Saturation
+from delaytools.design.build import build
+from delaytools.design.design import parse_design
 from delaytools.loop.loop import Element, Loop
 from delaytools.loop.nonlinear_parts import NonlinearPart, parted
 from delaytools.signals.expression import signal_expression
+from delaytools.signals.stimulus import Sine
+from delaytools.simulation.simulate import simulate
 
 KNOWN: list[Block] = [
     DeadBand(half_width=0.3),
@@ -79,7 +83,7 @@ def test_a_slew_limit_against_a_finely_followed_wave(ratio: float) -> None:
 @pytest.mark.parametrize("block", KNOWN, ids=lambda block: repr(block))
 def test_a_table_is_the_formula(block: Block) -> None:
     part = piece(block)
-    table, formula = gain_table(part), closed_form(part)
+    table, formula = gain_table(part, np.array([0.1, 100.0])), closed_form(part)
     assert table is not None and formula is not None
     size, omega = np.geomspace(0.05, 50.0, 40), np.full(40, 7.0)
     exact = formula(size, omega)
@@ -113,3 +117,38 @@ def test_a_piece_of_several_arguments() -> None:
     part = replace(piece(DeadBand(half_width=1.0)), formula=formula, arguments=("x", "v"), block=None)
     given_ = Sines(np.zeros((2, 1)), np.array([[2.0 + 0j], [2j]]), np.array([1.0]))
     assert first_harmonics(part, given_)[1][0, 0] == pytest.approx(2j, abs=1e-12)
+
+
+SERVO = """
+frame = "1 ms"
+[signals]
+u = "deg"
+x = "deg"
+[blocks.servo]
+type = "second_order"
+input = "u"
+output = "x"
+natural_frequency = "150 rad/s"
+damping = 0.5
+[[effects]]
+type = "rate_limit"
+at = "servo.rate"
+limit = "60 deg/s"
+"""
+
+
+@pytest.mark.parametrize(("size", "hertz"), [(0.5, 4.0), (2.0, 6.0), (6.0, 3.0)])
+def test_a_servo_of_limited_speed_as_it_runs(size: float, hertz: float) -> None:
+    """The piece followed over a turn against a run of the loop itself: below, near and far above its limit."""
+    loop = build(parse_design(SERVO))
+    (part,) = parted(loop).parts
+    assert part.name == "rate_limit@servo.rate" and part.memory == 2
+    run = simulate(loop, {"u": Sine(amplitude=size, frequency=hertz)}, duration=12 / hertz).record
+    last = (run.time >= 8 / hertz) & (run.time < 12 / hertz - 1e-9)
+    turn = np.exp(-2j * np.pi * hertz * run.time[last])
+    seen = np.mean(run["x"][last] * turn) / np.mean(size * np.sin(2 * np.pi * hertz * run.time[last]) * turn)
+    gain = first_harmonics(part, sines(size + 0j, 2 * np.pi * hertz))[1][0, 0] / size
+    assert gain == pytest.approx(complex(seen), abs=0.01)
+    table = gain_table(part, np.geomspace(1.0, 500.0, 200))
+    assert table is not None
+    assert table(np.array([size]), np.array([2 * np.pi * hertz]))[0, 0] == pytest.approx(gain, abs=0.06)
