@@ -1,6 +1,6 @@
 """Questions to a loop: margins against delay, characteristic roots, transfer between two signals."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import final
 
@@ -9,9 +9,11 @@ from numpy.typing import NDArray
 
 from delaytools.analysis.characteristic_roots import rightmost_roots
 from delaytools.analysis.delay_sweep import sweep_margins
+from delaytools.analysis.gain_windows import stable_gains
 from delaytools.analysis.margins import Labels, Margins, Sampling, margins
 from delaytools.analysis.opened_loop import OpenedLoop, open_loop
-from delaytools.analysis.sampled_margins import sampled_margins, sweep_sampled_margins
+from delaytools.analysis.sampled_margins import sampled_margins, sampled_stable, sweep_sampled_margins
+from delaytools.analysis.stability import closed_loop_of, roots_not_left
 from delaytools.analysis.strong_stability import strong_stability
 from delaytools.linear.algebra import feedback
 from delaytools.linear.delay_system import DelaySystem
@@ -36,7 +38,8 @@ __all__ = ["LoopRoots", "MarginSweep", "RootSet", "loop_margins", "loop_roots", 
 class MarginSweep:
     """Margins for every extra delay (s), and the intervals of delay inside the sweep in which the loop is stable.
 
-    small_delays: in words, where arbitrarily small changes of delays flip the verdict; "" where none do.
+    small_delays: in words, where arbitrarily small changes of delays flip the verdict; "" where none do. stable_gains:
+    the intervals of a factor on the opened signal, 0.01 to 100, that leave the loop stable, where one delay was asked.
     """
 
     margins: tuple[Margins, ...]
@@ -45,6 +48,7 @@ class MarginSweep:
     delay_at: str | None
     why_approximate: str
     small_delays: str = ""
+    stable_gains: tuple[tuple[float, float], ...] | None = None
 
 
 def loop_margins(
@@ -65,7 +69,17 @@ def loop_margins(
     else:
         found, stable = _continuous_sweep(opened, wanted)
     why = opened.why if opened.opened.samplers else ""
-    return MarginSweep(found, stable, at, delay_at, why, _small_delays(opened, delay_at or at))
+    gains = stable_gains(found[0].crossings, _stable_with(opened, wanted[0])) if len(wanted) == 1 else None
+    return MarginSweep(found, stable, at, delay_at, why, _small_delays(opened, delay_at or at), gains)
+
+
+def _stable_with(opened: OpenedLoop, extra: float) -> Callable[[float], bool]:
+    """Whether the loop is stable with a factor on the opened signal, by a count of its roots."""
+    if opened.opened.samplers and opened.exact_sampling:
+        closed = opened.closed_at(extra)
+        return lambda factor: sampled_stable(_scaled_transport(closed, opened.closing, factor))
+    L = opened.transfer(extra)
+    return lambda factor: roots_not_left(closed_loop_of(L * factor)) == 0
 
 
 def _small_delays(opened: OpenedLoop, place: str) -> str:

@@ -78,6 +78,8 @@ def margins_answer(answer: Any) -> dict[str, Any]:
         "margins": listed,
         "stable_delays": [list(pair) for pair in answer.stable_delays],
     }
+    if answer.stable_gains is not None:
+        found["stable_gains"] = [list(pair) for pair in answer.stable_gains]
     names = ("at", "delay_at", "why_approximate", "small_delays")
     return found | {name: getattr(answer, name) for name in names}
 

@@ -64,8 +64,16 @@ def margin_lines(answer: Any) -> list[str]:
         *lines,
         *table_lines(heads, rows),
         "stable for delays " + (", ".join(spans) if spans else "nowhere in the sweep"),
+        *_stable_gains(answer),
         *_small_delays(answer),
     ]
+
+
+def _stable_gains(answer: Any) -> list[str]:
+    if answer.stable_gains is None:
+        return []
+    spans = ", ".join(f"{low:.4g} to {high:.4g}" for low, high in answer.stable_gains)
+    return [f"stable for gains of {answer.at}, times: {spans or 'none'} (of 0.01 to 100)"]
 
 
 def _small_delays(answer: Any) -> list[str]:
