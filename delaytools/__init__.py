@@ -10,12 +10,10 @@ __version__ = "0.1.0"
 
 _PUBLIC = {
     "Record": "signals.record",
-    "Response": "signals.response",
     "DelaytoolsError": "signals.trouble",
     "DelaySystem": "linear.delay_system",
     "delay": "linear.algebra",
     "feedback": "linear.algebra",
-    "append": "linear.algebra",
     "pade": "linear.pade",
     "Loop": "loop.loop",
     "linearise": "loop.linearise",
@@ -31,6 +29,8 @@ _PUBLIC = {
     "limit_cycles": "analysis.limit_cycles",
     "margins": "analysis.margins",
     "sweep_margins": "analysis.delay_sweep",
+    "step_response": "analysis.time_response",
+    "forced_response": "analysis.time_response",
     "rightmost_roots": "analysis.characteristic_roots",
     "flight": "design.build",
     "simulate": "simulation.simulate",
