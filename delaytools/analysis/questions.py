@@ -10,12 +10,13 @@ from numpy.typing import NDArray
 from delaytools.analysis.characteristic_roots import rightmost_roots
 from delaytools.analysis.delay_sweep import sweep_margins
 from delaytools.analysis.gain_windows import stable_gains
+from delaytools.analysis.jitter import jitter_margin
 from delaytools.analysis.margins import Labels, Margins, Sampling, margins
 from delaytools.analysis.opened_loop import OpenedLoop, open_loop
 from delaytools.analysis.sampled_margins import sampled_margins, sampled_stable, sweep_sampled_margins
 from delaytools.analysis.stability import closed_loop_of, roots_not_left
 from delaytools.analysis.strong_stability import strong_stability
-from delaytools.linear.algebra import feedback
+from delaytools.linear.algebra import delay, feedback
 from delaytools.linear.delay_system import DelaySystem
 from delaytools.linear.hold_approximation import continuous_approximation
 from delaytools.linear.lifted import lift, why_not_liftable
@@ -40,6 +41,8 @@ class MarginSweep:
 
     small_delays: in words, where arbitrarily small changes of delays flip the verdict; "" where none do. stable_gains:
     the intervals of a factor on the opened signal, 0.01 to 100, that leave the loop stable, where one delay was asked.
+    jitter_margin: s, what the extra delay may vary by at any rate, holds taken as continuous; where one delay was asked
+    at which the loop is stable.
     """
 
     margins: tuple[Margins, ...]
@@ -49,6 +52,7 @@ class MarginSweep:
     why_approximate: str
     small_delays: str = ""
     stable_gains: tuple[tuple[float, float], ...] | None = None
+    jitter_margin: float | None = None
 
 
 def loop_margins(
@@ -69,8 +73,17 @@ def loop_margins(
     else:
         found, stable = _continuous_sweep(opened, wanted)
     why = opened.why if opened.opened.samplers else ""
-    gains = stable_gains(found[0].crossings, _stable_with(opened, wanted[0])) if len(wanted) == 1 else None
-    return MarginSweep(found, stable, at, delay_at, why, _small_delays(opened, delay_at or at), gains)
+    sweep = MarginSweep(found, stable, at, delay_at, why, _small_delays(opened, delay_at or at))
+    if len(wanted) > 1:
+        return sweep
+    gains = stable_gains(found[0].crossings, _stable_with(opened, wanted[0]))
+    jitter = jitter_margin(_around_extra(opened, wanted[0])).margin if found[0].stable else None
+    return replace(sweep, stable_gains=gains, jitter_margin=jitter)
+
+
+def _around_extra(opened: OpenedLoop, extra: float) -> DelaySystem:
+    """L at the place of the extra delay, which is there: what varies comes on top of it."""
+    return opened.around_extra() * delay(extra)
 
 
 def _stable_with(opened: OpenedLoop, extra: float) -> Callable[[float], bool]:

@@ -44,23 +44,30 @@ def margins(
     delay_at: DelayAt = None,
     configuration: Configuration = None,
     json: Json = None,
+    together: Annotated[
+        str | None,
+        typer.Option("--together", metavar="SIGNAL,SIGNAL", help="Signals opened at once, for their disk margin."),
+    ] = None,
     gate: Annotated[
         bool, typer.Option("--gate", help="Exit 1 where the loop is unstable at any delay asked.")
     ] = False,
 ) -> None:
     """Exact margins of the loop opened at a signal, against an extra delay."""
+    from delaytools.analysis.disk_margins import loop_disk_margin
     from delaytools.analysis.questions import loop_margins
-    from delaytools.cli.words import margin_lines
+    from delaytools.cli.words import disk_lines, margin_lines
 
     check_targets(json)
     plan, loop, odd = load(design, configuration)
     warn(odd)
     at, delay_at = opened_at(plan, loop, at, delay_at)
     answer = loop_margins(loop, at, delay_range(delay), delay_at=delay_at)
+    names = [name.strip() for name in together.split(",")] if together is not None else []
+    disk = loop_disk_margin(loop, names) if names else None
     if json != "-":
-        say("\n".join(margin_lines(answer)))
+        say("\n".join([*margin_lines(answer), *disk_lines(disk)]))
     if json is not None:
-        write_json(margins_answer(answer), json)
+        write_json(margins_answer(answer) | ({"simultaneous_disk_margin": disk} if disk is not None else {}), json)
     if gate and not all(m.stable for m in answer.margins):
         raise typer.Exit(1)
 
@@ -80,6 +87,7 @@ def margins_answer(answer: Any) -> dict[str, Any]:
     }
     if answer.stable_gains is not None:
         found["stable_gains"] = [list(pair) for pair in answer.stable_gains]
+        found["jitter_margin"] = answer.jitter_margin
     names = ("at", "delay_at", "why_approximate", "small_delays")
     return found | {name: getattr(answer, name) for name in names}
 

@@ -4,7 +4,7 @@ import math
 from typing import Any
 
 __all__ = [
-    "fit_lines", "margin_lines", "number_cell", "root_lines", "run_lines", "table_lines", "tuned_lines",
+    "disk_lines", "fit_lines", "margin_lines", "number_cell", "root_lines", "run_lines", "table_lines", "tuned_lines",
 ]  # fmt: skip
 
 
@@ -73,7 +73,23 @@ def _stable_gains(answer: Any) -> list[str]:
     if answer.stable_gains is None:
         return []
     spans = ", ".join(f"{low:.4g} to {high:.4g}" for low, high in answer.stable_gains)
-    return [f"stable for gains of {answer.at}, times: {spans or 'none'} (of 0.01 to 100)"]
+    lines = [f"stable for gains of {answer.at}, times: {spans or 'none'} (of 0.01 to 100)"]
+    if answer.jitter_margin is not None:
+        place = answer.delay_at or answer.at
+        lines.append(f"a delay at {place} that varies at will may add up to {answer.jitter_margin * 1e3:.4g} ms")
+    return lines
+
+
+def disk_lines(disk: Any | None) -> list[str]:
+    """The disk margin of several signals at once; nothing where none was asked."""
+    if disk is None:
+        return []
+    names = ", ".join(disk.signals)
+    if disk.margin == 0.0:
+        return [f"{names} together: no margin, the loop is unstable"]
+    gain = "any gain" if math.isinf(disk.gain) else f"gains of {1 / disk.gain:.4g} to {disk.gain:.4g}"
+    return [f"{names} together: disk margin {disk.margin:.4g} at {disk.frequency / (2 * math.pi):.4g} Hz: {gain} and "
+            f"phases within {math.degrees(disk.phase):.4g} deg, each its own"]  # fmt: skip
 
 
 def _small_delays(answer: Any) -> list[str]:

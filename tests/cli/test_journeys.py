@@ -399,3 +399,18 @@ def test_limit_cycles_of_a_relay(inside: Run, tmp_path: Path) -> None:
 def test_a_loop_without_limit_cycles_says_why(inside: Run) -> None:
     done = inside("limit-cycle", ROLL, "--no-check")
     assert done.returncode == 0 and "none:" in done.stdout and done.stderr == ""
+
+
+def test_margins_of_several_signals_gains_and_jitter(inside: Run, tmp_path: Path) -> None:
+    target = tmp_path / "a.json"
+    words = ("margins", ROLL, "--configuration", "obc_sensor", "--together", "demanded_fin, feedback_rate")
+    done = inside(*words, "--json", target)
+    assert done.returncode == 0 and "varies at will" in done.stdout
+    found = json.loads(target.read_text())
+    (margin,) = found["margins"]
+    assert found["stable_gains"] == [[0.01, pytest.approx(margin["gain_margin"], rel=1e-9)]]
+    assert 0 < found["jitter_margin"] <= margin["delay_margin"]
+    disk = found["simultaneous_disk_margin"]
+    assert disk["signals"] == ["demanded_fin", "feedback_rate"] and 0 < disk["margin"] < margin["disk_margin"] + 0.05
+    wrong = inside("margins", ROLL, "--together", "demanded_fin,stick")
+    assert wrong.returncode == 2 and "'stick'" in wrong.stderr
