@@ -26,10 +26,11 @@ class TransientGain(Continuous):
     outputs = ("output",)
     states = ()
     initial_state = ()
+    jump_values = ("start", "end")
 
     @property
     def jumps(self) -> tuple[Scalar, Scalar]:
-        """Times (s) at which the factor changes."""
+        """Times (s) at which the factor changes: the values named in `jump_values`."""
         return self.start, self.end
 
     def rate(self, t: Scalar, x: Sequence[Scalar], u: Sequence[Scalar]) -> tuple[Scalar, ...]:

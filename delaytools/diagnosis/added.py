@@ -16,6 +16,7 @@ from delaytools.signals.parameter import Parameter
 __all__ = ["SEEN", "Added", "by_itself", "is_added", "path_of", "places_in_file", "with_added"]
 
 NUISANCE = ("smoothing",)
+TIMES = {"transient_gain": ("start", "end")}  # of jumps
 SEEN = "@seen"  # behind a signal's name: the signal as measured, without its noise
 DULL = 0.99  # of the most damping that a mode may have
 FIRST_NUMBER = 1000  # effects of a hypothesis are numbered from here, behind those of any design
@@ -63,6 +64,18 @@ class Added:
         """What tells two loops apart that hold it, whatever the values of a fit."""
         held = tuple(self.values[name] for name in self.held)
         return self.key, self.rank, tuple(self.values), self.held, held, tuple(sorted(self.along.items()))
+
+    @property
+    def step_shape(self) -> tuple[Any, ...]:
+        """As `shape`, but of all windows of gain in one place: their edges move the grid of a run, not its step."""
+        times = TIMES.get(self.kind, ())
+        held = tuple(self.values[name] for name in self.held if name not in times)
+        return self.key, self.rank, tuple(self.values), self.held, held, tuple(sorted(self.along.items()))
+
+    def held_times(self, number: int) -> dict[str, float]:
+        """Path -> value of the times of jumps that a fit leaves as they are."""
+        times = TIMES.get(self.kind, ())
+        return {path_of(number, name): self.values[name] for name in times if name in self.held}
 
     @property
     def name(self) -> str:

@@ -149,9 +149,13 @@ class Case:
         if key not in self._replays:
             if len(self._replays) > 40:
                 self._replays.clear()
-            loop = with_added(self.segment.loop, added)
-            free = tuple(p.path for p in self.parameters(added))
-            self._replays[key] = tuple(self._replay(loop, free, log) for log in range(len(self.records)))
+            step = ("step", *(one.step_shape for one in added))
+            if step not in self._replays:
+                loop = with_added(self.segment.loop, added)
+                free = tuple(p.path for p in self.parameters(added))
+                self._replays[step] = tuple(self._replay(loop, free, log) for log in range(len(self.records)))
+            times = {path: value for k, one in enumerate(added) for path, value in one.held_times(k).items()}
+            self._replays[key] = tuple(replace(one, bound=tuple(times.items())) for one in self._replays[step])
         return self._replays[key]
 
     def _replay(self, loop: Loop, free: tuple[str, ...], log: int) -> Replay:

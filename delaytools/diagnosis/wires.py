@@ -7,8 +7,8 @@ staircase where the signal is held), which the effect's own change need not be.
 """
 
 from dataclasses import dataclass, replace
-from functools import cached_property
-from typing import final
+from functools import cached_property, lru_cache
+from typing import Any, final
 
 import casadi as ca
 import numpy as np
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.fft import next_fast_len
 from scipy.signal import lfilter
 
-from delaytools.blocks.block import Block, Continuous, Follower, Sampled
+from delaytools.blocks.block import Block, Continuous, Follower, Sampled, flat_values, with_values
 from delaytools.blocks.delay import Delay
 from delaytools.blocks.lag import Lag
 from delaytools.blocks.rate_limiter import RateLimiter
@@ -68,13 +68,21 @@ class Way:
         if not self.is_quick:
             return None
         found = []
-        for rows, (first, later) in zip(changes, self._pulses, strict=True):
+        for rows, (first, _), through in zip(changes, self._pulses, self._spectra, strict=True):
             size = next_fast_len(2 * len(rows), real=True)
             rest = self.read(rows)
             rest[0] = 0.0
-            sent = np.fft.irfft(np.fft.rfft(rest, size)[:, None] * np.fft.rfft(later, size, axis=0), size, axis=0)
+            sent = np.fft.irfft(np.fft.rfft(rest, size)[:, None] * through, size, axis=0)
             found.append(sent[: len(rows)] + rows[0] * first)
         return tuple(found)
+
+    @cached_property
+    def _spectra(self) -> tuple[NDArray[np.complex128], ...]:
+        """Per log: the transform of the answer to a later pulse, long enough for a convolution."""
+        sizes = [next_fast_len(2 * len(later), real=True) for _, later in self._pulses]
+        return tuple(
+            np.fft.rfft(later, size, axis=0) for size, (_, later) in zip(sizes, self._pulses, strict=True)
+        )
 
     @cached_property
     def is_quick(self) -> bool:
@@ -100,8 +108,7 @@ class Way:
         found = []
         for log, (_, later) in enumerate(self._pulses):
             size = next_fast_len(2 * len(later), real=True)
-            through = np.fft.rfft(later, size, axis=0).conj()
-            product = through * np.fft.rfft(self.case.unfiltered(residual, log), size, axis=0)
+            product = self._spectra[log].conj() * np.fft.rfft(self.case.unfiltered(residual, log), size, axis=0)
             found.append(self.read(np.fft.irfft(product.sum(axis=1), size)[: len(later)]))
         return tuple(found)
 
@@ -270,8 +277,48 @@ def _passed(block: Block, inputs: tuple[Array, ...], wire: _Wire) -> Array | Non
 
 def _mapped(block: Continuous, time: Array, inputs: tuple[Array, ...]) -> Array:
     """The block's own formula on all rows at once."""
-    found = block.output(ca.DM(time), [], [ca.DM(u) for u in inputs])[0]
-    return np.broadcast_to(np.asarray(ca.DM(found)).ravel(), time.shape)
+    names = tuple(flat_values(block))
+    values = np.array([float(number) for number in flat_values(block).values()])
+    formula = _formula(_Structure(block, names), len(time))
+    buffer, evaluate = formula.buffer()
+    found = np.empty(len(time))
+    for place, rows in enumerate((values, time, *inputs)):
+        if rows.size:
+            buffer.set_arg(place, memoryview(np.ascontiguousarray(rows, dtype=float)))
+    buffer.set_res(0, memoryview(found))
+    evaluate()
+    return found
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class _Structure:
+    """A block without its numbers: what its formula depends on besides them."""
+
+    block: Continuous
+    names: tuple[str, ...]
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Structure) and self._key == other._key
+
+    def __hash__(self) -> int:
+        return hash(self._key)
+
+    @property
+    def _key(self) -> tuple[Any, ...]:
+        return type(self.block), self.names, self.block.inputs, repr(getattr(self.block, "formula", None))
+
+
+@lru_cache(maxsize=128)
+def _formula(structure: _Structure, rows: int) -> ca.Function:
+    """(values, time, inputs) -> output of the block, for so many rows; the values are the same for all."""
+    values = ca.MX.sym("values", len(structure.names))
+    t, u = ca.MX.sym("t", rows), [ca.MX.sym(name, rows) for name in structure.block.inputs]
+    symbols = ca.vertsplit(values) if structure.names else []
+    block = with_values(structure.block, dict(zip(structure.names, symbols, strict=True)))
+    found = ca.MX(block.output(t, [], u)[0])
+    whole = found if found.shape[0] == rows else ca.repmat(found, rows, 1)
+    return ca.Function("rows", [values, t, *u], [ca.densify(whole)])
 
 
 def _followed(block: Follower, u: Array, past: tuple[float, float]) -> Array:

@@ -17,7 +17,17 @@ from delaytools.simulation.physics import Physics, physics
 from delaytools.simulation.repeating import moved_repeating, repeating_call
 from delaytools.simulation.run import Compiled
 from delaytools.simulation.schedule import Timing
-from delaytools.simulation.timing import MOST, STIFFNESS, bends, delays_of, stiffens, timing_of, with_delays
+from delaytools.simulation.timing import (
+    MOST,
+    STIFFNESS,
+    bends,
+    delays_of,
+    jumps_of,
+    stiffens,
+    timing_of,
+    with_delays,
+    with_jumps,
+)
 
 __all__ = ["Pace", "compile_loop", "moved"]
 
@@ -92,13 +102,16 @@ def compile_loop(
 
 
 def moved(compiled: Compiled, values: tuple[float, ...]) -> Compiled | None:
-    """The loop ready to run with other constant delays, nothing compiled anew; None where its calls do not fit them.
+    """The loop ready to run with other constant delays and times of jumps, nothing compiled anew; None where its calls
+    do not fit them.
 
     values: of the free paths; what shapes the grid otherwise is as it was.
     """
     call, end = compiled.call, (compiled.frames + 1) * compiled.frame
     seconds = call.once("seconds", lambda: delays_of(compiled.model))(np.asarray(values, dtype=float))
+    times = call.once("jumps", lambda: jumps_of(compiled.model))(np.asarray(values, dtype=float))
     timing = with_delays(compiled.timing, np.asarray(seconds).ravel())
+    timing = with_jumps(timing, compiled.model, np.asarray(times).ravel())
     other = moved_repeating(call, timing) if call.copies else moved_data(call, compiled.model, timing, end)
     if other is None:
         return None

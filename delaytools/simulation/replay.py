@@ -72,7 +72,8 @@ class Replay:
     cost a new one whenever they change, delays where they then look back to other steps. begins: rows at which states
     (element, state) are set to values (NaN: to what the run has there), in order; all others go on. substeps: of a
     frame; None: as many as the loop needs. finer: how many times finer than usual its steps are to be. steps: of each
-    frame as last found, by this replay or another of the log.
+    frame as last found, by this replay or another of the log. bound: further paths and their values, which stay as they
+    are but share compiled steps with replays that have others (times of jumps).
     """
 
     loop: Loop
@@ -84,6 +85,7 @@ class Replay:
     substeps: int | None = None
     finer: int = 1
     steps: dict[str, NDArray[np.int64]] = field(default_factory=dict, repr=False)
+    bound: tuple[tuple[str, float], ...] = ()
     _compiled: dict[Any, Compiled] = field(default_factory=dict, repr=False)
     _parts: dict[Any, "Replay"] = field(default_factory=dict, repr=False)
 
@@ -202,11 +204,12 @@ class Replay:
             return self
         key = tuple(values[k] for k in shaping)
         if key not in self._parts:
-            loop = with_numbers(self.loop, {self.free[k]: values[k] for k in shaping})
-            free = tuple(self.free[k] for k in smooth)
+            paths = self._paths
+            loop = with_numbers(self.loop, {paths[k]: values[k] for k in shaping})
+            free = tuple(paths[k] for k in smooth)
             if len(self._parts) > KEPT:
                 self._parts.clear()
-            self._parts[key] = replace(self, loop=loop, free=free, _compiled={}, _parts={})
+            self._parts[key] = replace(self, loop=loop, free=free, bound=(), _compiled={}, _parts={})
         return self._parts[key]
 
     def _difference(self, values: tuple[float, ...], index: int, rows: Array) -> Array:
@@ -218,26 +221,38 @@ class Replay:
     def _ready(self, values: tuple[float, ...]) -> tuple[Compiled, tuple[float, ...], list[int]]:
         """The compiled loop, the values that are free in it, and the places among them of those it is smooth in.
 
-        Values that shape the grid are numbers, but for constant delays; one of 0 is a wire.
+        Values that shape the grid are numbers, but for times of jumps and constant delays; one of 0 is a wire.
         """
-        fixed = [k for k in self._shaping if self.free[k] not in self._delay_paths or values[k] <= 0]
-        kept = [index for index in range(len(self.free)) if index not in fixed]
-        chosen, by = tuple(values[k] for k in kept), [kept.index(k) for k in kept if k not in self._shaping]
-        return self._without_grid(values, fixed, kept)._prepared(chosen), chosen, by
+        every = (*values, *(number for _, number in self.bound))
+        shaping = self._shaping_among(self._paths)
+        fixed = [k for k in shaping if not self._moves(self._paths[k], every[k])]
+        kept = [index for index in range(len(every)) if index not in fixed]
+        chosen, by = tuple(every[k] for k in kept), [kept.index(k) for k in kept if k not in shaping]
+        return self._without_grid(every, fixed, kept)._prepared(chosen), chosen, by
+
+    @property
+    def _paths(self) -> tuple[str, ...]:
+        """Of all values that a run takes: the free ones, then those that are bound."""
+        return (*self.free, *(path for path, _ in self.bound))
+
+    def _moves(self, path: str, value: float) -> bool:
+        """Whether a value that shapes the grid may move it without a new step."""
+        return path in self._jump_paths or (path in self._delay_paths and value > 0)
 
     def _prepared(self, values: tuple[float, ...]) -> Compiled:
-        numbers = dict(zip(self.free, values, strict=True))
+        numbers = dict(zip(self._paths, values, strict=True))
         rest = tuple(self._key(path, number) for path, number in numbers.items())
-        delays = tuple(number for path, number in numbers.items() if path in self._delay_paths)
-        if (rest, delays) not in self._compiled:
-            found = self._moved(rest, values) if delays else None
+        moving = self._delay_paths | self._jump_paths
+        shape = tuple(number for path, number in numbers.items() if path in moving)
+        if (rest, shape) not in self._compiled:
+            found = self._moved(rest, values) if shape else None
             if len(self._compiled) > KEPT:
                 del self._compiled[next(iter(self._compiled))]
-            self._compiled[rest, delays] = found or self._anew_compiled(numbers)
-        return self._compiled[rest, delays]
+            self._compiled[rest, shape] = found or self._anew_compiled(numbers)
+        return self._compiled[rest, shape]
 
     def _moved(self, rest: Any, values: tuple[float, ...]) -> Compiled | None:
-        """One that was compiled for other delays, the last first, where it fits these as well."""
+        """One that was compiled for other delays and jumps, the last first, where it fits these as well."""
         alike = [one for (other, _), one in self._compiled.items() if other == rest]
         return next((one for last in reversed(alike) if (one := moved(last, values)) is not None), None)
 
@@ -245,7 +260,7 @@ class Replay:
         loop = with_numbers(self.loop, numbers) if numbers else self.loop
         duration = self.frame * math.ceil(float(self.time[-1]) / self.frame - EVEN)
         compiled = compile_loop(
-            replace(loop, frame=self.frame), self.stimuli, duration=duration, free=self.free,
+            replace(loop, frame=self.frame), self.stimuli, duration=duration, free=self._paths,
             substeps=self.substeps, pace=Pace(STIFF, self.finer, HOLDING, self.steps.get(LAST)),
             short=any(row for row, _ in self.begins) or len(self.time) < BRIEF,
         )  # fmt: skip
@@ -261,9 +276,21 @@ class Replay:
     @cached_property
     def _shaping(self) -> list[int]:
         """Places of the free values that say where a run's steps begin and end."""
-        blocks = [(e.path, e.block) for e in self.loop.elements]
-        moving = [path for path, one in blocks if isinstance(one, Transport | Sampled) or hasattr(one, "jumps")]
-        return [k for k, path in enumerate(self.free) if any(path.startswith(f"{home}.") for home in moving)]
+        return self._shaping_among(self.free)
+
+    def _shaping_among(self, paths: tuple[str, ...]) -> list[int]:
+        homes = [e.path for e in self.loop.elements if isinstance(e.block, Transport | Sampled)]
+        return [
+            k for k, path in enumerate(paths)
+            if path in self._jump_paths or any(path.startswith(f"{home}.") for home in homes)
+        ]  # fmt: skip
+
+    @cached_property
+    def _jump_paths(self) -> frozenset[str]:
+        """Free paths of the times at which blocks jump by themselves."""
+        jumping = [e for e in self.loop.elements if hasattr(e.block, "jump_values")]
+        times = {f"{e.path}.{name}" for e in jumping for name in e.block.jump_values}
+        return frozenset(times & set(self._paths))
 
     @cached_property
     def _stiff_paths(self) -> frozenset[str]:

@@ -13,7 +13,10 @@ from delaytools.blocks.block import Sampled, Transport
 from delaytools.simulation.physics import Physics
 from delaytools.simulation.schedule import Arrival, Timing
 
-__all__ = ["MOST", "STIFFNESS", "bends", "delays_of", "fastest_at", "stiffens", "timing_of", "with_delays"]
+__all__ = [
+    "MOST", "STIFFNESS", "bends", "delays_of", "fastest_at", "jumps_of", "stiffens", "timing_of", "with_delays",
+    "with_jumps",
+]  # fmt: skip
 
 Array = NDArray[np.float64]
 MOST = 100  # steps per frame
@@ -67,6 +70,26 @@ def with_delays(timing: Timing, seconds: Array) -> Timing:
         for old, number in zip(timing.delays, seconds.tolist(), strict=True)
     ]
     return replace(timing, delays=tuple(delays), constant=tuple(seconds.tolist()))
+
+
+def jumps_of(model: Physics) -> ca.Function:
+    """values of the free paths -> the times at which blocks jump by themselves, s, element by element."""
+    times = [ca.vertcat(*e.block.jumps) for e in _jumping(model)]
+    return ca.Function("jumps", [model.symbol], [ca.densify(ca.vertcat(ca.SX(0, 1), *times))])
+
+
+def with_jumps(timing: Timing, model: Physics, times: Array) -> Timing:
+    """The timing with other times of the jumps that blocks bring, as `jumps_of` gives them."""
+    moments, at = dict(timing.jumps), 0
+    for element in _jumping(model):
+        count = len(element.block.jumps)
+        moments[element.name] = times[at : at + count]
+        at += count
+    return replace(timing, jumps=moments)
+
+
+def _jumping(model: Physics) -> list[Any]:
+    return [e for e in model.net.loop.continuous if hasattr(e.block, "jumps")]
 
 
 def _constant(number: float) -> Callable[[Array], Array]:
