@@ -1,7 +1,7 @@
 """Candidates found in the spectrum of the residual: interference, and a mode that another signal shakes."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import final
 
@@ -18,7 +18,7 @@ from delaytools.diagnosis.views import View
 from delaytools.loop.port import Port
 from delaytools.loop.values import resolve
 from delaytools.signals.record import Record
-from delaytools.simulation.replay import Replay
+from delaytools.signals.stimulus import Stimulus
 
 __all__ = ["highest_lines", "impulse", "interferences", "modes"]
 
@@ -43,26 +43,27 @@ def impulse(base: Base, port: Port, log: int = 0) -> Array | None:
     """
     case, added = base.case, base.fitted.added
     probe = Added("cross_coupling", str(port), {"gain": 1.0}, {"source": PROBE})
-    replay = replace(case.replays((*added, probe))[log], begins=(), _compiled={}, _parts={})
+    replay = case.replays((*added, probe))[log]
+    if replay.begins:
+        replay = replace(replay, begins=(), _compiled={}, _parts={})
     known = {p.path: p.value for p in base.fitted.parameters}
     values = tuple(known.get(path, 1.0) for path in replay.free)
-    rest = _with_probe(base, replay, log, 0).run(values) if case.pieces else base.outputs[log]
+    rest = replay.run_driven(values, _pulse(base, log, 0)) if case.pieces else base.outputs[log]
     parts = []
     for row in range(1, _rows_of_a_period(case) + 1):
-        change = _with_probe(base, replay, log, row).run(values) - rest
+        change = replay.run_driven(values, _pulse(base, log, row)) - rest
         parts.append(np.concatenate([change[row:], np.zeros((row, change.shape[1]))]))
     found = np.mean(parts, axis=0)
     return found if np.isfinite(found).all() else None
 
 
-def _with_probe(base: Base, replay: Replay, log: int, row: int) -> Replay:
-    """The replay with a pulse at a row of its log; none at row 0."""
+def _pulse(base: Base, log: int, row: int) -> Mapping[str, Stimulus]:
+    """A pulse at a row of a log; none at row 0."""
     record = base.case.records[log]
     height = np.zeros(len(record))
     height[row] = float(row > 0)
     carried = Record(record.time, {**record.columns, PROBE: height}, record.units, record.held)
-    stimuli = {**replay.stimuli, **base.case.stimuli_for(carried, (PROBE,))}
-    return replace(replay, stimuli=stimuli, _compiled={}, _parts={})
+    return base.case.stimuli_for(carried, (PROBE,))
 
 
 def _rows_of_a_period(case: Case) -> int:
