@@ -230,7 +230,10 @@ def _shown_first(case: Case, tried: list[Fitted]) -> list[Fitted]:
 
 
 def _ahead(fitted: Fitted) -> tuple[Added, ...] | None:
-    """The hypothesis with its last effect ahead of the others at its port; None where it stands there alone."""
+    """The hypothesis with its last effect ahead of the others at its port; None where it stands there alone, or where
+    they add up: forces on a derivative have no order."""
     *rest, last = fitted.added
+    if last.at.endswith("'"):
+        return None
     least = min((one.rank for one in rest if one.at == last.at), default=None)
     return None if least is None else (*rest, replace(last, rank=least - 1))
