@@ -17,7 +17,7 @@ from delaytools.diagnosis.lattices import quantisers_shown
 from delaytools.diagnosis.leftover import explains
 from delaytools.diagnosis.noise_of import CLEANED, Carried
 from delaytools.diagnosis.proposals import proposals
-from delaytools.diagnosis.refits import fitted_again, rewhitened, seen_through, spared
+from delaytools.diagnosis.refits import fitted_again, refitted, rewhitened, seen_through, spared
 from delaytools.diagnosis.stepwise import with_draws
 from delaytools.diagnosis.worth import PART_OF_NOISE, most_of
 
@@ -89,6 +89,8 @@ def _finished(way: Way, null: Fitted, carried: Carried, *, everything: bool) -> 
     case, fitted, rivals = way.case, way.fitted, [list(group) for group in way.rivals]
     case, fitted, rivals = _swapped(case, fitted, rivals, carried, everything=everything)
     case, fitted, rivals = _pruned(case, fitted, rivals, carried)
+    if case.pieces and fitted.added:  # beginnings move with the values: a fit may end a little early
+        fitted = refitted(case, fitted) or fitted
     for one in quantisers_shown(case, fitted, PART_OF_NOISE):
         case, fitted = rewhitened(case, replace(fitted, added=(*fitted.added, one)), carried)
         rivals.append([])
