@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from delaytools.analysis.characteristic_roots import rightmost_roots
 from delaytools.analysis.delay_sweep import sweep_margins
-from delaytools.analysis.gain_windows import stable_gains
+from delaytools.analysis.gain_windows import GainWindows, stable_gains
 from delaytools.analysis.jitter import jitter_margin
 from delaytools.analysis.margins import Labels, Margins, Sampling, margins
 from delaytools.analysis.opened_loop import OpenedLoop, open_loop
@@ -39,8 +39,8 @@ __all__ = ["LoopRoots", "MarginSweep", "RootSet", "loop_margins", "loop_roots", 
 class MarginSweep:
     """Margins for every extra delay (s), and the intervals of delay inside the sweep in which the loop is stable.
 
-    small_delays: in words, where arbitrarily small changes of delays flip the verdict; "" where none do. stable_gains:
-    the intervals of a factor on the opened signal, 0.01 to 100, that leave the loop stable, where one delay was asked.
+    small_delays: in words, where arbitrarily small changes of delays flip the verdict; "" where none do. gains: where a
+    factor on the opened signal leaves the loop stable, where one delay was asked.
     jitter_margin: s, what the extra delay may vary by at any rate, holds taken as continuous; where one delay was asked
     at which the loop is stable.
     """
@@ -51,7 +51,7 @@ class MarginSweep:
     delay_at: str | None
     why_approximate: str
     small_delays: str = ""
-    stable_gains: tuple[tuple[float, float], ...] | None = None
+    gains: GainWindows | None = None
     jitter_margin: float | None = None
 
 
@@ -78,7 +78,7 @@ def loop_margins(
         return sweep
     gains = stable_gains(found[0].crossings, _stable_with(opened, wanted[0]))
     jitter = jitter_margin(_around_extra(opened, wanted[0])).margin if found[0].stable else None
-    return replace(sweep, stable_gains=gains, jitter_margin=jitter)
+    return replace(sweep, gains=gains, jitter_margin=jitter)
 
 
 def _around_extra(opened: OpenedLoop, extra: float) -> DelaySystem:

@@ -85,8 +85,9 @@ def margins_answer(answer: Any) -> dict[str, Any]:
         "margins": listed,
         "stable_delays": [list(pair) for pair in answer.stable_delays],
     }
-    if answer.stable_gains is not None:
-        found["stable_gains"] = [list(pair) for pair in answer.stable_gains]
+    if answer.gains is not None:
+        found["stable_gains"] = [list(pair) for pair in answer.gains.stable]
+        found["gains_looked_at"] = list(answer.gains.looked_at)
         found["jitter_margin"] = answer.jitter_margin
     names = ("at", "delay_at", "why_approximate", "small_delays")
     return found | {name: getattr(answer, name) for name in names}

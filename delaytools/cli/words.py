@@ -70,10 +70,11 @@ def margin_lines(answer: Any) -> list[str]:
 
 
 def _stable_gains(answer: Any) -> list[str]:
-    if answer.stable_gains is None:
+    if answer.gains is None:
         return []
-    spans = ", ".join(f"{low:.4g} to {high:.4g}" for low, high in answer.stable_gains)
-    lines = [f"stable for gains of {answer.at}, times: {spans or 'none'} (of 0.01 to 100)"]
+    spans = ", ".join(f"{low:.4g} to {high:.4g}" for low, high in answer.gains.stable)
+    within = "{:.4g} to {:.4g}".format(*answer.gains.looked_at)
+    lines = [f"stable for gains of {answer.at}, times: {spans or 'none'} (of {within})"]
     if answer.jitter_margin is not None:
         place = answer.delay_at or answer.at
         lines.append(f"a delay at {place} that varies at will may add up to {answer.jitter_margin * 1e3:.4g} ms")

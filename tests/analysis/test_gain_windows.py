@@ -12,7 +12,7 @@ from delaytools.analysis.questions import loop_margins
 from delaytools.analysis.stability import closed_loop_of, roots_not_left
 from delaytools.design.build import build
 from delaytools.design.design import parse_design
-from delaytools.linear.algebra import delay
+from delaytools.linear.algebra import delay, feedback
 from delaytools.linear.delay_system import DelaySystem, as_delay_system
 
 LOOPS = {
@@ -24,7 +24,7 @@ LOOPS = {
 
 
 def windows(L: DelaySystem) -> tuple[tuple[float, float], ...]:
-    return stable_gains(margins(L).crossings, lambda k: roots_not_left(closed_loop_of(L * k)) == 0)
+    return stable_gains(margins(L).crossings, lambda k: roots_not_left(closed_loop_of(L * k)) == 0).stable
 
 
 def test_three_integrators_need_gain() -> None:
@@ -66,10 +66,18 @@ at = "u"
 
 def test_a_sampled_integrator() -> None:
     """z = 1 - 10 k T: stable for k < 2/(10 T) = 4."""
-    found = loop_margins(build(parse_design(SAMPLED)), "u").stable_gains
-    assert found is not None
-    assert found[0][1] == pytest.approx(4.0, rel=1e-9) and len(found) == 1
+    found = loop_margins(build(parse_design(SAMPLED)), "u").gains
+    assert found is not None and found.looked_at == GAINS
+    assert found.stable[0][1] == pytest.approx(4.0, rel=1e-9) and len(found.stable) == 1
 
 
 def test_a_sweep_of_delays_asks_for_no_gains() -> None:
-    assert loop_margins(build(parse_design(SAMPLED)), "u", [0.0, 0.01]).stable_gains is None
+    assert loop_margins(build(parse_design(SAMPLED)), "u", [0.0, 0.01]).gains is None
+
+
+def test_crossings_without_end_are_looked_at_near_one_alone() -> None:
+    """y = u + 0.5 y(t - 1) behind a slow lag: the phase turns for ever, |L| does not fall; only the nearest count."""
+    L = feedback(as_delay_system(0.3), -0.9 * delay(1.0)) * delay(0.37)
+    asked: list[float] = []
+    found = stable_gains(margins(L).crossings, lambda k: asked.append(k) is None)
+    assert len(asked) <= 50 and GAINS[0] <= found.looked_at[0] < 1 < found.looked_at[1] <= GAINS[1]
