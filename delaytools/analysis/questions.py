@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from delaytools.analysis.characteristic_roots import rightmost_roots
 from delaytools.analysis.delay_sweep import sweep_margins
 from delaytools.analysis.gain_windows import GainWindows, stable_gains
-from delaytools.analysis.jitter import jitter_margin
+from delaytools.analysis.jitter import JitterMargin, jitter_margin
 from delaytools.analysis.margins import Labels, Margins, Sampling, margins
 from delaytools.analysis.opened_loop import OpenedLoop, open_loop
 from delaytools.analysis.sampled_margins import sampled_margins, sampled_stable, sweep_sampled_margins
@@ -32,17 +32,17 @@ APPROXIMATE: Sampling = "continuous approximation"
 SOME = 1.0  # s: γ(0) is the same for any delay
 
 
-__all__ = ["LoopRoots", "MarginSweep", "RootSet", "loop_margins", "loop_roots", "transfer"]
+__all__ = [
+    "Allowances", "LoopRoots", "MarginSweep", "RootSet", "loop_allowances", "loop_margins", "loop_roots", "transfer",
+]  # fmt: skip
+
 
 @final
 @dataclass(frozen=True)
 class MarginSweep:
     """Margins for every extra delay (s), and the intervals of delay inside the sweep in which the loop is stable.
 
-    small_delays: in words, where arbitrarily small changes of delays flip the verdict; "" where none do. gains: where a
-    factor on the opened signal leaves the loop stable, where one delay was asked.
-    jitter_margin: s, what the extra delay may vary by at any rate, holds taken as continuous; where one delay was asked
-    at which the loop is stable.
+    small_delays: in words, where arbitrarily small changes of delays flip the verdict; "" where none do.
     """
 
     margins: tuple[Margins, ...]
@@ -51,8 +51,6 @@ class MarginSweep:
     delay_at: str | None
     why_approximate: str
     small_delays: str = ""
-    gains: GainWindows | None = None
-    jitter_margin: float | None = None
 
 
 def loop_margins(
@@ -73,17 +71,39 @@ def loop_margins(
     else:
         found, stable = _continuous_sweep(opened, wanted)
     why = opened.why if opened.opened.samplers else ""
-    sweep = MarginSweep(found, stable, at, delay_at, why, _small_delays(opened, delay_at or at))
-    if len(wanted) > 1:
-        return sweep
-    gains = stable_gains(found[0].crossings, _stable_with(opened, wanted[0]))
-    jitter = jitter_margin(_around_extra(opened, wanted[0])).margin if found[0].stable else None
-    return replace(sweep, gains=gains, jitter_margin=jitter)
+    return MarginSweep(found, stable, at, delay_at, why, _small_delays(opened, delay_at or at))
 
 
-def _around_extra(opened: OpenedLoop, extra: float) -> DelaySystem:
-    """L at the place of the extra delay, which is there: what varies comes on top of it."""
-    return opened.around_extra() * delay(extra)
+@final
+@dataclass(frozen=True)
+class Allowances:
+    """What else a loop bears at one extra delay (s), besides its margins.
+
+    gains: factors on the opened signal that leave it stable. jitter: what a delay at the extra one's place may vary by
+    on top, at any rate; None where the loop is not stable. jitter_sampling: of the jitter margin: its small gain
+    knows holds as continuous ones alone.
+    """
+
+    gains: GainWindows
+    jitter: JitterMargin | None
+    jitter_sampling: Sampling
+
+
+def loop_allowances(loop: Loop, at: str, extra: float = 0.0, *, delay_at: str | None = None) -> Allowances:
+    """Intervals of gain and the jitter margin of the loop opened at the signal `at`, with `extra` s at `delay_at`."""
+    _check_delays([extra])
+    opened = open_loop(loop, at, delay_at)
+    if opened.opened.samplers and opened.exact_sampling:
+        crossings = sampled_margins(opened.sampled(extra)).crossings
+    else:
+        crossings = margins(opened.transfer(extra)).crossings
+    stable_at = _stable_with(opened, extra)
+    around = opened.around_extra() * delay(extra)  # what varies comes on top of the delay that is there
+    return Allowances(
+        stable_gains(crossings, stable_at),
+        jitter_margin(around) if stable_at(1.0) else None,
+        APPROXIMATE if opened.opened.samplers else "exact",
+    )
 
 
 def _stable_with(opened: OpenedLoop, extra: float) -> Callable[[float], bool]:

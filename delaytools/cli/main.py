@@ -54,26 +54,28 @@ def margins(
 ) -> None:
     """Exact margins of the loop opened at a signal, against an extra delay."""
     from delaytools.analysis.disk_margins import loop_disk_margin
-    from delaytools.analysis.questions import loop_margins
-    from delaytools.cli.words import disk_lines, margin_lines
+    from delaytools.analysis.questions import loop_allowances, loop_margins
+    from delaytools.cli.words import allowance_lines, disk_lines, margin_lines
 
     check_targets(json)
     plan, loop, odd = load(design, configuration)
     warn(odd)
     at, delay_at = opened_at(plan, loop, at, delay_at)
-    answer = loop_margins(loop, at, delay_range(delay), delay_at=delay_at)
+    delays = delay_range(delay) or [0.0]
+    answer = loop_margins(loop, at, delays, delay_at=delay_at)
+    more = loop_allowances(loop, at, delays[0], delay_at=delay_at) if len(delays) == 1 else None
     names = [name.strip() for name in together.split(",")] if together is not None else []
     disk = loop_disk_margin(loop, names) if names else None
     if json != "-":
-        say("\n".join([*margin_lines(answer), *disk_lines(disk)]))
+        say("\n".join([*margin_lines(answer), *allowance_lines(more, at, delay_at), *disk_lines(disk)]))
     if json is not None:
-        write_json(margins_answer(answer) | ({"simultaneous_disk_margin": disk} if disk is not None else {}), json)
+        write_json(margins_answer(answer, more, disk), json)
     if gate and not all(m.stable for m in answer.margins):
         raise typer.Exit(1)
 
 
-def margins_answer(answer: Any) -> dict[str, Any]:
-    """The answer of `margins` as the contract names it."""
+def margins_answer(answer: Any, more: Any = None, disk: Any = None) -> dict[str, Any]:
+    """The answer of `margins` as the contract names it; more: allowances, disk: of several signals, where asked."""
     listed = []
     for item in answer.margins:
         entry = {name: getattr(item, name) for name in item.__dataclass_fields__ if name != "why"}
@@ -85,10 +87,14 @@ def margins_answer(answer: Any) -> dict[str, Any]:
         "margins": listed,
         "stable_delays": [list(pair) for pair in answer.stable_delays],
     }
-    if answer.gains is not None:
-        found["stable_gains"] = [list(pair) for pair in answer.gains.stable]
-        found["gains_looked_at"] = list(answer.gains.looked_at)
-        found["jitter_margin"] = answer.jitter_margin
+    if more is not None:
+        found["stable_gains"] = [list(pair) for pair in more.gains.stable]
+        found["gains_looked_at"] = list(more.gains.looked_at)
+        found["jitter_margin"] = more.jitter.margin if more.jitter is not None else None
+        found["jitter_margin_why"] = "" if more.jitter is not None else "closed loop unstable"
+        found["jitter_sampling"] = more.jitter_sampling
+    if disk is not None:
+        found["simultaneous_disk_margin"] = disk
     names = ("at", "delay_at", "why_approximate", "small_delays")
     return found | {name: getattr(answer, name) for name in names}
 

@@ -4,7 +4,8 @@ import math
 from typing import Any
 
 __all__ = [
-    "disk_lines", "fit_lines", "margin_lines", "number_cell", "root_lines", "run_lines", "table_lines", "tuned_lines",
+    "allowance_lines", "disk_lines", "fit_lines", "margin_lines", "number_cell", "root_lines", "run_lines", "table_lines",
+    "tuned_lines",
 ]  # fmt: skip
 
 
@@ -64,20 +65,21 @@ def margin_lines(answer: Any) -> list[str]:
         *lines,
         *table_lines(heads, rows),
         "stable for delays " + (", ".join(spans) if spans else "nowhere in the sweep"),
-        *_stable_gains(answer),
         *_small_delays(answer),
     ]
 
 
-def _stable_gains(answer: Any) -> list[str]:
-    if answer.gains is None:
+def allowance_lines(more: Any | None, at: str, delay_at: str | None) -> list[str]:
+    """Stable gains and the jitter margin; nothing where they were not asked."""
+    if more is None:
         return []
-    spans = ", ".join(f"{low:.4g} to {high:.4g}" for low, high in answer.gains.stable)
-    within = "{:.4g} to {:.4g}".format(*answer.gains.looked_at)
-    lines = [f"stable for gains of {answer.at}, times: {spans or 'none'} (of {within})"]
-    if answer.jitter_margin is not None:
-        place = answer.delay_at or answer.at
-        lines.append(f"a delay at {place} that varies at will may add up to {answer.jitter_margin * 1e3:.4g} ms")
+    spans = ", ".join(f"{low:.4g} to {high:.4g}" for low, high in more.gains.stable)
+    within = "{:.4g} to {:.4g}".format(*more.gains.looked_at)
+    lines = [f"stable for gains of {at}, times: {spans or 'none'} (of {within})"]
+    if more.jitter is not None:
+        taken = "" if more.jitter_sampling == "exact" else ", holds taken as continuous"
+        place, span = delay_at or at, more.jitter.margin * 1e3
+        lines.append(f"a delay at {place} that varies at will may add up to {span:.4g} ms{taken}")
     return lines
 
 

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from delaytools.analysis.gain_windows import GAINS, stable_gains
 from delaytools.analysis.margins import Crossing, margins
-from delaytools.analysis.questions import loop_margins
+from delaytools.analysis.questions import loop_allowances
 from delaytools.analysis.stability import closed_loop_of, roots_not_left
 from delaytools.design.build import build
 from delaytools.design.design import parse_design
@@ -66,13 +66,14 @@ at = "u"
 
 def test_a_sampled_integrator() -> None:
     """z = 1 - 10 k T: stable for k < 2/(10 T) = 4."""
-    found = loop_margins(build(parse_design(SAMPLED)), "u").gains
-    assert found is not None and found.looked_at == GAINS
-    assert found.stable[0][1] == pytest.approx(4.0, rel=1e-9) and len(found.stable) == 1
+    found = loop_allowances(build(parse_design(SAMPLED)), "u")
+    assert found.gains.looked_at == GAINS and found.jitter_sampling == "continuous approximation"
+    assert found.gains.stable[0][1] == pytest.approx(4.0, rel=1e-9) and len(found.gains.stable) == 1
 
 
-def test_a_sweep_of_delays_asks_for_no_gains() -> None:
-    assert loop_margins(build(parse_design(SAMPLED)), "u", [0.0, 0.01]).gains is None
+def test_an_unstable_loop_bears_no_jitter() -> None:
+    found = loop_allowances(build(parse_design(SAMPLED.replace("-10*y", "-50*y"))), "u")
+    assert found.jitter is None and found.gains.stable[0][1] == pytest.approx(0.8, rel=1e-9)
 
 
 def test_crossings_without_end_are_looked_at_near_one_alone() -> None:
