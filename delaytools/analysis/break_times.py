@@ -18,8 +18,8 @@ _SAME = 1e-12  # of the length of the run: times that are one
 def break_times(system: DelaySystem, end: float, begun: Sequence[tuple[float, int]]) -> RealArray:
     """The times in (0, end) at which some signal has a jump in a derivative of order below 12, rising.
 
-    begun: (time, order) of the breaks that the inputs bring (0 = a jump). What passes a channel arrives later with its
-    order; what passes a state is one order smoother.
+    begun: (time, order) of the breaks that the inputs bring (0 = a jump, -1 = an impulse). What passes a channel
+    arrives later with its order; what passes a state is one order smoother.
     """
     direct_in = system.D21.any(axis=1) if system.D21.size else np.zeros(system.n_channels, dtype=bool)
     direct = system.D22 != 0

@@ -20,7 +20,7 @@ BESIDE = (0.7, 1.4)  # of the predicted amplitude: where the loop is let go
 DRIVEN = 12  # periods
 FEWEST, MOST = 40, 400  # periods watched
 TIMES = 6.0  # times the predicted time constant that are watched
-ALIKE = 0.25  # of the predicted amplitude: what an end may differ and still be the predicted cycle
+ALIKE = 0.25  # of the predicted amplitude, or frequency: what an end may differ and still be the predicted cycle
 STEPS = 40  # of a period at least
 
 
@@ -76,18 +76,20 @@ def _lasting(predicted: Predicted, below: _Run, above: _Run) -> Checked:
     if np.ptp(ends) > ALIKE * predicted.amplitude:
         words = f"no common end: let go below it ends at {ends[0]:.4g}, above at {ends[1]:.4g}"
         return Checked(False, float("nan"), float("nan"), words)
-    if abs(amplitude - predicted.amplitude) > ALIKE * predicted.amplitude:
-        return Checked(False, amplitude, frequency, f"it ends at {amplitude:.4g} from below and above")
+    far = abs(amplitude - predicted.amplitude) > ALIKE * predicted.amplitude
+    if far or not abs(frequency - predicted.frequency) <= ALIKE * predicted.frequency:
+        words = f"from below and above it ends at {amplitude:.4g}, {frequency:.4g} Hz"
+        return Checked(False, amplitude, frequency, words)
     return Checked(True, amplitude, frequency, "reached from below and from above")
 
 
 def _parting(predicted: Predicted, below: _Run, above: _Run) -> Checked:
-    shrinks, grows = below.end < below.start, above.end > above.start
+    """Left on both sides: each run moves away from the cycle, or passes it and ends beyond."""
+    low, high = (1 - ALIKE) * predicted.amplitude, (1 + ALIKE) * predicted.amplitude
+    left = (below.end < below.start or below.end > high) and (above.end > above.start or above.end < low)
     ends = f"let go below it goes to {below.end:.4g}, above to {above.end:.4g}"
-    if shrinks and grows:
-        return Checked(True, float("nan"), float("nan"), f"left on both sides: {ends}")
-    away = abs(np.log(max(below.end, 1e-300) / predicted.amplitude)) > ALIKE or not shrinks
-    return Checked(bool(away and (shrinks or grows)), float("nan"), float("nan"), f"it does not last: {ends}")
+    words = f"left on both sides: {ends}" if left else f"not left on both sides: {ends}"
+    return Checked(left, float("nan"), float("nan"), words)
 
 
 def _run(loop: Loop, at: str, predicted: Predicted, factor: float) -> _Run:

@@ -74,7 +74,7 @@ def march(system: DelaySystem, edges: RealArray, waves: Waves, begin: RealArray)
         late = [_late(edges, z[:, i], (t, span), k) for i, span in enumerate(system.delays)]
         w = np.stack(late) if m else np.zeros((0, len(t)))
         entering = system.B1 @ u + system.B2 @ w
-        key = float(np.round(width, 15))
+        key = float(f"{width:.12e}")  # elements of one length but for rounding share a matrix
         if key not in moves:
             moves[key] = _move(system.A, width)
         states = (moves[key] @ np.concatenate([x, entering.T.ravel()])).reshape(DEGREE + 1, n).T

@@ -123,8 +123,8 @@ def _marched(
     kinks: Sequence[float] | RealArray = (),
     starts: bool = False,
 ) -> RealArray:
-    """Outputs (ny, len(times)); starts: the states jump at t = 0, not the inputs."""
-    breaks = break_times(system, float(times[-1]), [(0.0, 1 if starts else 0), *((float(t), 1) for t in kinks)])
+    """Outputs (ny, len(times)); starts: the states jump at t = 0, as behind an impulse, not the inputs."""
+    breaks = break_times(system, float(times[-1]), [(0.0, -1 if starts else 0), *((float(t), 1) for t in kinks)])
     return march(system, elements(system, breaks, float(times[-1])), waves, begin).outputs(times)
 
 

@@ -4,8 +4,8 @@ import math
 from typing import Any
 
 __all__ = [
-    "allowance_lines", "disk_lines", "fit_lines", "margin_lines", "number_cell", "root_lines", "run_lines", "table_lines",
-    "tuned_lines",
+    "allowance_lines", "disk_lines", "fit_lines", "margin_lines", "number_cell", "root_lines", "run_lines",
+    "table_lines", "tuned_lines",
 ]  # fmt: skip
 
 

@@ -37,7 +37,7 @@ def test_of_one_signal_it_is_the_disk_margin(name: str) -> None:
 
 
 def test_both_loops_of_a_spinning_body() -> None:
-    """S = diag(s/(s+1)) rotated: one at a time L = 1/s (α = 2); both at once α = 2/√(1 + a²)... found by its own μ."""
+    """One at a time L = 1/s, α = 2; both at once a few per cent, and gains just past those named lose stability."""
     L = spinning()
     found = simultaneous_disk_margin(L)
     one_open = feedback(L, np.diag([0.0, 1.0]))[0, 0]  # the other loop closed

@@ -6,7 +6,9 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from delaytools.analysis.cycle_check import Predicted, checked
 from delaytools.analysis.limit_cycles import LimitCycles, limit_cycles
+from delaytools.analysis.questions import loop_margins
 from delaytools.design.build import build
 from delaytools.design.design import parse_design
 from delaytools.signals.trouble import AnalysisError, DesignError
@@ -175,8 +177,11 @@ def test_two_pieces_at_once_as_simulated() -> None:
 
 def test_amplitude_and_frequency_against_delay() -> None:
     text = plant('type = "saturation"\nlimit = 0.5', 4.0)
-    found = cycles(text, "y", delays=[0.0, 0.2, 0.4, 0.8], check=False).cycles
-    assert [one.delay for one in found] == [0.2, 0.4, 0.8][-len(found) :]
+    delays = [0.0, 0.2, 0.4, 0.8]
+    found = cycles(text, "y", delays=delays, check=False).cycles
+    linear = loop_margins(build(parse_design(text, "loop.toml")), "y", delays).margins
+    expected = [one.delay for one in linear if not one.stable]  # a limit holds just what would grow without it
+    assert len(expected) > 1 and [one.delay for one in found] == expected
     assert all(a.frequency > b.frequency and a.amplitude < b.amplitude for a, b in pairwise(found))
     for one in found:  # the phase of the loop there is -180 deg, delay included, and the gain 1/N
         s = 2j * math.pi * one.frequency
@@ -194,3 +199,13 @@ def test_what_cannot_be_asked() -> None:
         cycles(RELAY.replace("LATE", "0.1"), "nowhere")
     with pytest.raises(AnalysisError, match="not negative"):
         cycles(RELAY.replace("LATE", "0.1"), "y", delays=[-1.0])
+
+
+@pytest.mark.parametrize(
+    ("amplitude", "hertz", "stable"),
+    [(0.25, 17.6, True), (0.1145, 9.0, True), (0.1145, 17.6, False)],
+    ids=["twice the size", "half the frequency", "said not to last"],
+)
+def test_a_check_disagrees_with_a_wrong_prediction(amplitude: float, hertz: float, stable: bool) -> None:
+    loop = build(parse_design(RELAY.replace("LATE", "0.015"), "loop.toml"))
+    assert not checked(loop, "y", Predicted(amplitude, hertz, -48.0 if stable else 48.0, stable)).agrees

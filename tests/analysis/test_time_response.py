@@ -103,6 +103,22 @@ def test_forced_by_straight_lines_is_the_sum_of_ramps() -> None:
     assert forced_response(loop, t, wave).y[0] == pytest.approx(2 * late[0] - 8 * late[1] + 6 * late[2], abs=1e-11)
 
 
+def test_an_impulse_through_delays_is_the_slope_of_the_step() -> None:
+    loop = feedback(0.8 * delay(0.4) * ct.tf([1.0, 3.0], [0.5, 1.2, 1.0]))
+    t, h = np.linspace(0.13, 5.03, 50), 1e-4
+    step = step_response(loop, np.concatenate([[0.0], np.sort(np.concatenate([t - h, t + h]))])).y[0, 0, 1:]
+    impulse = impulse_response(loop, np.concatenate([[0.0], t])).y[0, 0, 1:]
+    assert impulse == pytest.approx((step[1::2] - step[::2]) / (2 * h), abs=1e-6)
+
+
+def test_units_of_time_do_not_matter() -> None:
+    """The same loop in microseconds: elements of 1e-7 s are told apart as those of 0.1 s are."""
+    t = np.linspace(0.0, 5.0, 41)
+    plain = step_response(feedback(0.8 * delay(0.37) * ct.tf([1.0], [0.5, 1.0])), t).y[0, 0]
+    quick = step_response(feedback(0.8 * delay(0.37e-6) * ct.tf([1.0], [0.5e-6, 1.0])), t * 1e-6).y[0, 0]
+    assert quick == pytest.approx(plain, abs=1e-11)
+
+
 def test_from_a_state() -> None:
     t = np.linspace(0.0, 2.0, 21)
     found = initial_response(ct.ss([[-2.0]], [[1.0]], [[3.0]], [[0.0]]), t, [1.5]).y[0]
