@@ -8,6 +8,7 @@ from typing import final
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 from scipy.optimize import root
 
 from delaytools.analysis.describing_functions import Sines, first_harmonics, gain_table, harmonics
@@ -134,8 +135,9 @@ class Balance:
         rows = M[:, : len(rest)] @ rest + M[:, len(rest) :] @ made + self.offsets
         v, w = rest[n : n + s.n_sampled_outputs], rest[n + s.n_sampled_outputs :]
         q = rows[n + nw : n + nw + s.n_sampled_inputs]
+        gain = block_diag(*(one.steady_gain for one in s.samplers)) if s.samplers else np.zeros((0, 0))
         arguments = rows[len(rows) - len(s.outputs) :][: len(self.arguments)]
-        return np.concatenate([rows[:n], rows[n : n + nw] - w, _at_rest(s, q) - v, arguments - mean])
+        return np.concatenate([rows[:n], rows[n : n + nw] - w, gain @ q - v, arguments - mean])
 
     def results_of(self, found: Oscillation) -> ComplexArray:
         """First harmonics (r,) of what the pieces give in an oscillation."""
@@ -154,18 +156,6 @@ class Balance:
         size = np.abs(found.amplitude)
         moving = size > 1e-6 * size.max()
         return float((np.linalg.norm(carried, axis=1)[moving] / size[moving]).max())
-
-
-def _at_rest(system: SampledSystem, q: RealArray) -> RealArray:
-    """The steady outputs of the samplers for the inputs q."""
-    found, at = [np.zeros(0)], 0
-    for one in system.samplers:
-        gain = one.D
-        if one.n_states:
-            gain = one.D + one.H @ np.linalg.pinv(np.eye(one.n_states) - one.F) @ one.G
-        found.append(gain @ q[at : at + one.n_inputs])
-        at += one.n_inputs
-    return np.concatenate(found)
 
 
 def balance_of(loop: Loop, signals: Sequence[str]) -> Balance:

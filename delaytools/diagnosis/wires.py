@@ -6,9 +6,9 @@ effect itself need not be compiled into the loop. For starting values: between r
 staircase where the signal is held), which the effect's own change need not be.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
-from typing import Any, final
+from typing import final
 
 import casadi as ca
 import numpy as np
@@ -277,9 +277,10 @@ def _passed(block: Block, inputs: tuple[Array, ...], wire: _Wire) -> Array | Non
 
 def _mapped(block: Continuous, time: Array, inputs: tuple[Array, ...]) -> Array:
     """The block's own formula on all rows at once."""
-    names = tuple(flat_values(block))
-    values = np.array([float(number) for number in flat_values(block).values()])
-    formula = _formula(_Structure(block, names), len(time))
+    numbers = flat_values(block)
+    values = np.array([float(number) for number in numbers.values()])
+    structure = _Structure(type(block), tuple(numbers), block.inputs, repr(getattr(block, "formula", None)), block)
+    formula = _formula(structure, len(time))
     buffer, evaluate = formula.buffer()
     found = np.empty(len(time))
     for place, rows in enumerate((values, time, *inputs)):
@@ -291,22 +292,15 @@ def _mapped(block: Continuous, time: Array, inputs: tuple[Array, ...]) -> Array:
 
 
 @final
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class _Structure:
-    """A block without its numbers: what its formula depends on besides them."""
+    """What a block's formula depends on besides the numbers of its values, and one block of that kind."""
 
-    block: Continuous
+    kind: type
     names: tuple[str, ...]
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Structure) and self._key == other._key
-
-    def __hash__(self) -> int:
-        return hash(self._key)
-
-    @property
-    def _key(self) -> tuple[Any, ...]:
-        return type(self.block), self.names, self.block.inputs, repr(getattr(self.block, "formula", None))
+    inputs: tuple[str, ...]
+    formula: str
+    block: Continuous = field(compare=False)
 
 
 @lru_cache(maxsize=128)

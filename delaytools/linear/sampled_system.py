@@ -59,6 +59,14 @@ class Sampler:
         return int(self.D.shape[0])
 
 
+    @property
+    def steady_gain(self) -> RealMatrix:
+        """From q at rest to v at rest, (nv, nq): D + H (I - F)⁺ G."""
+        if not self.n_states:
+            return self.D
+        return np.asarray(self.D + self.H @ np.linalg.pinv(np.eye(self.n_states) - self.F) @ self.G)
+
+
 @final
 @dataclass(frozen=True, eq=False)
 class SampledSystem:

@@ -211,10 +211,7 @@ def _sampled_rest(net: Network, symbols: _Symbols, q: ca.SX) -> ca.SX:
     for element in net.loop.sampled:
         sampler = _sampler(element)
         count = len(element.block.inputs)
-        gain = sampler.D
-        if sampler.n_states:
-            gain = sampler.D + sampler.H @ np.linalg.pinv(np.eye(sampler.n_states) - sampler.F) @ sampler.G
-        rests.append(ca.mtimes(ca.DM(gain), q[at : at + count]))
+        rests.append(ca.mtimes(ca.DM(sampler.steady_gain), q[at : at + count]))
         at += count
     return symbols.v - ca.vertcat(*rests) if rests else ca.SX(0, 1)
 
