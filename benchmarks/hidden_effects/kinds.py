@@ -89,7 +89,7 @@ def _several(first: str, count: int, architecture: Architecture, rng: Generator)
 
 
 def _clash(one: Wish, other: Wish) -> bool:
-    """Two effects that no log could tell apart: one kind twice in a segment, two timings in a row, a friction as two."""
+    """Two effects no log could tell apart: one kind twice in a segment, two timings in a row, a friction as two."""
     if one.offer.exits[0] != other.offer.exits[0]:
         return False
     both_timed = one.effect in TIMED_TOGETHER and other.effect in TIMED_TOGETHER

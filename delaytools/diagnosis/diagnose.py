@@ -41,7 +41,7 @@ Array = NDArray[np.float64]
 Progress = Callable[[str, float], None]
 Band = Mapping[str, tuple[float, float]]  # signal -> limits
 BUDGET, SEARCHED = 170.0, 0.8  # s, and the part of it after which searches end: a last step and the figures take time
-WAITING = 0.04  # of it that is kept for every segment that is still to be searched
+WAITING = 0.08  # of it that is kept for every round of segments, side by side, that is still to be searched
 
 
 @final
@@ -116,7 +116,7 @@ def diagnose(
     cleaned, moved, noise = _columns(len(ready)), _columns(len(ready)), dict[str, Whitening]()
     done: dict[int, SegmentReport] = {}
     waves = _wanted(_waves(parts, ready), parts, effort.signals)
-    ends = _ends(waves, begin, effort.budget)
+    ends = _ends(waves, begin, effort)
     try:
         with workers(effort.processes) as share:
             for wave in waves:
@@ -218,11 +218,13 @@ def _wanted(waves: list[list[int]], parts: Sequence[Segment], signals: Sequence[
     return [wave for wave in left if wave]
 
 
-def _ends(waves: Sequence[Sequence[int]], begin: float, budget: float) -> dict[int, float]:
+def _ends(waves: Sequence[Sequence[int]], begin: float, effort: Effort) -> dict[int, float]:
     """When the search of each segment ends (s, monotonic clock); what is kept for those that wait is theirs."""
-    after = [k for wave in reversed(waves) for k in reversed(wave)]
-    kept = min(WAITING, 0.5 * SEARCHED / len(after))
-    return {k: begin + (SEARCHED - kept * place) * budget for place, k in enumerate(after)}
+    many = max(effort.processes, 1)
+    rounds = [wave[k : k + many] for wave in waves for k in range(0, len(wave), many)]
+    kept = min(WAITING, 0.5 * SEARCHED / len(rounds))
+    shares = {k: SEARCHED - kept * after for after, wave in enumerate(reversed(rounds)) for k in wave}
+    return {k: begin + share * effort.budget for k, share in shares.items()}
 
 
 def _clean(

@@ -9,7 +9,7 @@ import pytest
 from delaytools.diagnosis.added import Added
 from delaytools.diagnosis.attempts import fits
 from delaytools.diagnosis.case import Case
-from delaytools.diagnosis.diagnose import SEARCHED, _ends
+from delaytools.diagnosis.diagnose import SEARCHED, Effort, _ends
 from delaytools.diagnosis.fitting import fit_hypothesis
 from delaytools.diagnosis.noise_of import Carried, is_loud
 from delaytools.diagnosis.quantities import quantities
@@ -105,9 +105,12 @@ def test_a_value_is_as_uncertain_as_what_stands_beside_it() -> None:
 
 
 def test_a_segment_that_waits_keeps_a_part_of_the_budget() -> None:
-    ends = _ends([[2, 0], [1]], 1000.0, 100.0)
+    one, two = Effort(processes=1, budget=100.0), Effort(processes=2, budget=100.0)
+    ends = _ends([[2, 0], [1]], 1000.0, one)
     assert ends[1] == 1000.0 + 100.0 * SEARCHED and ends[2] < ends[0] < ends[1]
-    assert min(_ends([list(range(40))], 1000.0, 100.0).values()) > 1000.0 + 0.4 * 100.0 * SEARCHED
+    beside = _ends([[2, 0], [1]], 1000.0, two)
+    assert beside[1] == ends[1] and beside[2] == beside[0] == ends[0]
+    assert min(_ends([list(range(40))], 1000.0, one).values()) > 1000.0 + 0.4 * 100.0 * SEARCHED
 
 
 def test_coulomb_friction_in_a_slow_motion_has_a_rival_that_breaks_away() -> None:
