@@ -34,6 +34,7 @@ from delaytools.diagnosis.noise import (
     without_odd_rows,
 )
 from delaytools.diagnosis.noise_of import references
+from delaytools.diagnosis.places import spots
 from delaytools.diagnosis.proposals import PENALTY
 from delaytools.diagnosis.quantities import quantities
 from delaytools.diagnosis.search import Finding
@@ -45,6 +46,7 @@ __all__ = ["SegmentReport", "segment_report"]
 
 Array = NDArray[np.float64]
 MOST_ALIKE = 3  # rivals of a set: who has more to choose from is told nothing
+SAME = 1.0  # χ² by which runs of what does the same may differ
 ALIKE = 12.0  # χ² (values paid for) within which two effects explain the logs equally well
 
 
@@ -196,10 +198,29 @@ def _missing(found: Finding, place: int, sets: Sequence[tuple[Fitted, ...]], *, 
     one = fitted.added[place]
     close = [r for r in found.rivals[place] if cost(r) - cost(fitted) < ALIKE]
     same = [r.added[-1] for r in close if len(r.added) == len(fitted.added)]
-    also = tuple(dict.fromkeys(o.at for o in same if _said(case, o) == _said(case, one) and o.at != one.at))
+    also = [o.at for o in same if _said(case, o) == _said(case, one)] + _where_windows_do_the_same(case, fitted, place)
+    also = [at for at in dict.fromkeys(also) if at != one.at]
     settings = {**one.fixed, **{n: v for n, v in one.values.items() if n not in one.reported}}
     values = _spread_over(quantities(case.segment.loop, fitted, place), one, [f for group in sets for f in group])
-    return Missing(one.kind, one.at, shown_at(case, one), values, settings, certain, also)
+    return Missing(one.kind, one.at, shown_at(case, one), values, settings, certain, tuple(also))
+
+
+def _where_windows_do_the_same(case: Case, fitted: Fitted, place: int) -> list[str]:
+    """Ports at which a window of gain, as it is, changes the exits as it does at its own, so far as the logs can tell.
+
+    Its edges are sought for each port by itself and may come out a little apart: too far for a rival that is as good.
+    """
+    one = fitted.added[place]
+    if one.kind != "transient_gain" or case.is_late:
+        return []
+    outputs, found = case.outputs(fitted.added, fitted.values), []
+    for port in (str(spot.port) for spot in spots(case.segment) if spot.kind == one.kind):
+        moved = (*fitted.added[:place], replace(one, at=port), *fitted.added[place + 1 :])
+        pairs = zip(case.outputs(moved, fitted.values), outputs, strict=True)
+        change = case.whitened(tuple(there - here for there, here in pairs))
+        if float(change @ change) < SAME and shown_at(case, moved[place]) == shown_at(case, one):
+            found.append(port)
+    return found
 
 
 def _spread_over(values: dict[str, Quantity], one: Added, rivals: Sequence[Fitted]) -> dict[str, Quantity]:

@@ -15,6 +15,7 @@ from delaytools.diagnosis.noise_of import Carried, noise_of
 from delaytools.diagnosis.places import spots
 from delaytools.diagnosis.proposals import sharpened_again
 from delaytools.diagnosis.screen import Base, base_of, response
+from delaytools.diagnosis.segment_report import _where_windows_do_the_same
 from delaytools.diagnosis.windows import _forgets, transients, with_edges_fitted
 from delaytools.loop.port import find_port
 from delaytools.signals.parameter import Parameter
@@ -148,6 +149,16 @@ def test_edges_follow_what_was_found_since() -> None:
     assert [one.kind for one in found.added] == ["transient_gain", "scale_factor"]
     for name, value in (("start", 2.0), ("end", 3.5)):
         assert found.added[0].values[name] == pytest.approx(value, abs=2e-3)
+
+
+@pytest.mark.parametrize(("start", "also"), [(2.0, ["act.input", "computer.input", "computer.output"]), (2.002, [])])
+def test_a_window_of_gain_between_ticks_does_the_same_behind_the_computer(start: float, also: list[str]) -> None:
+    true = window("computer.input", 1.3).moved({"start": start})
+    case = planted(ACTUATOR.replace('input = "u"', 'input = "d"') + COMPUTER, (true,), WAVE)
+    known = fitted(case, replace(true, held=frozenset({"start", "end"})))
+    case = case.whitened_by(noise_of(case, known, Carried({})))
+    found = _where_windows_do_the_same(case, known, 0)
+    assert sorted({*found, true.at} if also else set(found) - {true.at}) == also
 
 
 def test_the_signal_that_does_nothing_but_push_is_no_coupling_of_its_derivative() -> None:
