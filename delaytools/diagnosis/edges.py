@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from delaytools.diagnosis.added import Added, path_of
 from delaytools.diagnosis.screen import Base, response
-from delaytools.diagnosis.wires import Way, change_at, own_way
+from delaytools.diagnosis.wire_changes import change_at
+from delaytools.diagnosis.wires import Way, own_way
 
 __all__ = ["EDGES", "changed_at_port", "edge_beside", "edge_near"]
 

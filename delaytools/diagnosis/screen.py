@@ -18,7 +18,8 @@ from delaytools.diagnosis.pushes import forces_on
 from delaytools.diagnosis.quantities import neutral_value
 from delaytools.diagnosis.starts import GRID, LINEAR, Candidate
 from delaytools.diagnosis.views import View, case_view
-from delaytools.diagnosis.wires import Way, change_at, own_way, way_of
+from delaytools.diagnosis.wire_changes import change_at
+from delaytools.diagnosis.wires import Way, own_way, way_of
 from delaytools.loop.port import find_port
 from delaytools.signals.trouble import DelaytoolsError
 

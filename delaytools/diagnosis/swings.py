@@ -12,7 +12,8 @@ from delaytools.diagnosis.added import Added
 from delaytools.diagnosis.places import Spot
 from delaytools.diagnosis.screen import STRETCH, Base, Screened, response
 from delaytools.diagnosis.spectra import highest_lines
-from delaytools.diagnosis.wires import Way, change_at, own_way
+from delaytools.diagnosis.wire_changes import change_at
+from delaytools.diagnosis.wires import Way, own_way
 from delaytools.loop.port import Port
 
 __all__ = ["swings", "with_swing"]

@@ -1,5 +1,6 @@
 """What a segment's signals do under a hypothesis: scales for the starting values of candidates."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import final
@@ -58,13 +59,15 @@ class View:
 
     def is_held(self, port: Port) -> bool:
         """Whether the signal at a port is constant between ticks."""
-        loop, record = self.loop, self.case.records[0]
         if port.kind == "input":
-            names = loop[port.element].inputs[port.name].names
-        else:
-            names = (written_at(self.case.segment.loop, port),)
-        held = self._held | {n for n in loop.externals if n.removesuffix("@read") in record.held}
-        return all(name in held for name in names if name not in loop.parameters)
+            return self.are_held(self.loop[port.element].inputs[port.name].names)
+        return self.are_held((written_at(self.case.segment.loop, port),))
+
+    def are_held(self, names: Iterable[str]) -> bool:
+        """Whether signals are constant between ticks, or columns between rows."""
+        record = self.case.records[0]
+        held = self._held | record.held | {n for n in self.loop.externals if n.removesuffix("@read") in record.held}
+        return all(name in held for name in names if name not in self.loop.parameters)
 
     def is_exit(self, port: Port) -> bool:
         """Whether the port's signal is measured as it leaves its block."""

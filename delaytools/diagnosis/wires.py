@@ -2,25 +2,18 @@
 
 Where the segment behind the port is linear and the same at all times (checked, not assumed) the change is convolved
 with the response to a pulse; elsewhere the one simulation runs with the change put in as a column. Either way the
-effect itself need not be compiled into the loop. For starting values: between rows the change is a broken line (a
-staircase where the signal is held), which the effect's own change need not be.
+effect itself need not be compiled into the loop.
 """
 
-from dataclasses import dataclass, field, replace
-from functools import cached_property, lru_cache
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import final
 
-import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import next_fast_len
-from scipy.signal import lfilter
 
-from delaytools.blocks.block import Block, Continuous, Follower, Sampled, flat_values, with_values
-from delaytools.blocks.delay import Delay
-from delaytools.blocks.lag import Lag
-from delaytools.blocks.rate_limiter import RateLimiter
-from delaytools.blocks.sample_hold import SampleHold
+from delaytools.blocks.block import Sampled
 from delaytools.diagnosis.added import Added, path_of, with_added
 from delaytools.diagnosis.case import Case
 from delaytools.diagnosis.fitting import Fitted
@@ -32,11 +25,10 @@ from delaytools.loop.values import resolve
 from delaytools.signals.record import Record
 from delaytools.simulation.replay import Replay
 
-__all__ = ["Way", "change_at", "own_way", "way_of"]
+__all__ = ["Way", "own_way", "way_of"]
 
 Array = NDArray[np.float64]
 PROBE = "probe@wire"
-CHUNK = 500  # rows: making a longer chain of calls costs more than calling a short one often
 SAME = 1e-8  # of the largest response: nearer than this, two responses are one
 
 
@@ -218,149 +210,6 @@ def own_way(view: View, one: Added) -> Element | None:
     """The element that the effect puts into the wire."""
     loop = with_added(view.case.segment.loop, (one,))
     return next((element for element in loop.elements if element.path == path_of(0)), None)
-
-
-@final
-@dataclass(frozen=True, eq=False)
-class _Wire:
-    """Where an effect stands: rows (s), the signal before them; whether it is held, and whether it is measured."""
-
-    time: Array
-    before: float
-    held: bool
-    shown: bool
-
-    @property
-    def step(self) -> float:
-        """Time between rows, s."""
-        return float(self.time[-1] - self.time[0]) / max(len(self.time) - 1, 1)
-
-
-def change_at(view: View, port: Port, element: Element) -> tuple[Array, ...] | None:
-    """Per log (n,) what the effect changes at its port; None for what has no rule.
-
-    Where the signal is held: the mean from each row to the next. Elsewhere: the value at each row; what jumps within
-    the segment is there the broken line about it.
-    """
-    found = []
-    for log, u in enumerate(view.at(port)):
-        time = view.case.records[log].time - view.case.records[log].time[0]
-        more = tuple(view.evaluated(element.inputs[name], log) for name in element.block.inputs[1:])
-        wire = _Wire(time, view.before(port, log), view.is_held(port), view.is_exit(port))
-        rows = _passed(element.block, (u, *more), wire)
-        if rows is None:
-            return None
-        found.append(rows - u)
-    return tuple(found)
-
-
-def _passed(block: Block, inputs: tuple[Array, ...], wire: _Wire) -> Array | None:
-    u, step = inputs[0], wire.step
-    match block:
-        case Continuous(states=()):
-            return _mapped(block, wire.time, inputs)
-        case Lag(time_constant=lag) if lag > 0:
-            return _lagged(u, float(lag), step, wire.held)
-        case Delay(delay=delay):
-            return _late(u, float(delay), wire)
-        case SampleHold(period=period):
-            rows = u[np.searchsorted(wire.time, np.floor(wire.time / period + 1e-9) * period - 1e-9)]
-            return rows if wire.held or wire.shown else _centred(rows)
-        case RateLimiter():
-            driven = np.concatenate([[wire.before], u[:-1]]) if wire.held else u
-            rows = _followed(block, driven, (wire.before, step))
-            return _to_next(rows) if wire.held else rows
-        case Follower():
-            return _followed(block, u, (wire.before, step))
-    return None
-
-
-def _mapped(block: Continuous, time: Array, inputs: tuple[Array, ...]) -> Array:
-    """The block's own formula on all rows at once."""
-    numbers = flat_values(block)
-    values = np.array([float(number) for number in numbers.values()])
-    structure = _Structure(type(block), tuple(numbers), block.inputs, repr(getattr(block, "formula", None)), block)
-    formula = _formula(structure, len(time))
-    buffer, evaluate = formula.buffer()
-    found = np.empty(len(time))
-    for place, rows in enumerate((values, time, *inputs)):
-        if rows.size:
-            buffer.set_arg(place, memoryview(np.ascontiguousarray(rows, dtype=float)))
-    buffer.set_res(0, memoryview(found))
-    evaluate()
-    return found
-
-
-@final
-@dataclass(frozen=True)
-class _Structure:
-    """What a block's formula depends on besides the numbers of its values, and one block of that kind."""
-
-    kind: type
-    names: tuple[str, ...]
-    inputs: tuple[str, ...]
-    formula: str
-    block: Continuous = field(compare=False)
-
-
-@lru_cache(maxsize=128)
-def _formula(structure: _Structure, rows: int) -> ca.Function:
-    """(values, time, inputs) -> output of the block, for so many rows; the values are the same for all."""
-    values = ca.MX.sym("values", len(structure.names))
-    t, u = ca.MX.sym("t", rows), [ca.MX.sym(name, rows) for name in structure.block.inputs]
-    symbols = ca.vertsplit(values) if structure.names else []
-    block = with_values(structure.block, dict(zip(structure.names, symbols, strict=True)))
-    found = ca.MX(block.output(t, [], u)[0])
-    whole = found if found.shape[0] == rows else ca.repmat(found, rows, 1)
-    return ca.Function("rows", [values, t, *u], [ca.densify(whole)])
-
-
-def _followed(block: Follower, u: Array, past: tuple[float, float]) -> Array:
-    """The block's own formula from row to row."""
-    before, step = past
-    memory, x = ca.SX.sym("memory"), ca.SX.sym("u")
-    formula = ca.Function("follow", [memory, x], [block.follow(memory, x, step)])
-    many = formula.mapaccum(CHUNK)
-    rows, last = np.empty((-(-len(u) // CHUNK), CHUNK)), before if block.start is None else block.start
-    padded = np.concatenate([u, np.full(rows.size - len(u), u[-1])]).reshape(rows.shape)
-    buffer, evaluate = many.buffer()
-    for driven, made in zip(padded, rows, strict=True):
-        buffer.set_arg(0, memoryview(np.array([last], dtype=float)))
-        buffer.set_arg(1, memoryview(driven))
-        buffer.set_res(0, memoryview(made))
-        evaluate()
-        last = made[-1]
-    return rows.ravel()[: len(u)]
-
-
-def _lagged(u: Array, lag: float, step: float, held: bool) -> Array:
-    """The lag from 0, exactly for a staircase or a broken line."""
-    keep = np.exp(-step / lag)
-    if held:
-        rows = np.asarray(lfilter([0.0, 1 - keep], [1.0, -keep], u))
-        return np.asarray(u + (rows - u) * lag / step * (1 - keep))
-    ramp = 1 - lag / step * (1 - keep)
-    rows = lfilter([ramp, 1 - keep - ramp], [1.0, -keep], u)
-    return np.asarray(rows - ramp * u[0] * keep ** np.arange(len(u)))
-
-
-def _late(u: Array, delay: float, wire: _Wire) -> Array:
-    if not wire.held:
-        return np.asarray(np.interp(wire.time - delay, wire.time, u))
-    rows = delay / wire.step
-    whole, part = int(rows), rows - int(rows)
-    ahead, behind = (np.concatenate([np.full(k, wire.before), u])[: len(u)] for k in (whole, whole + 1))
-    return np.asarray((1 - part) * ahead + part * behind)
-
-
-def _centred(rows: Array) -> Array:
-    """A staircase as the broken line with the same area about every row."""
-    return 0.5 * (rows + np.concatenate([rows[:1], rows[:-1]]))
-
-
-def _to_next(rows: Array) -> Array:
-    """The mean from each row to the next."""
-    return 0.5 * (rows + np.concatenate([rows[1:], rows[-1:]]))
 
 
 def _behind(loop: Loop, port: Port) -> set[str]:

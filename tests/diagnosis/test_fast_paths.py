@@ -286,6 +286,22 @@ def test_a_mode_as_a_product_of_spectra_is_right_to_second_order_in_the_row() ->
     assert errors[1] < 1e-3 and 3.5 < errors[0] / errors[1] < 4.5, errors
 
 
+def test_a_mode_where_it_is_measured_is_what_shakes_it_through_its_own_answer() -> None:
+    for base in (bench("actuator"), held_bench()):
+        one = Added("flexible_mode", "act.output", MODE, {"source": "u"})
+        slow = change(base, one)
+        assert np.abs(slow).max() > 0.1 and apart(base, quick(base, one), slow) < 1e-6  # of the run's own steps
+
+
+def test_a_mode_in_a_wire_is_right_to_second_order_in_the_row() -> None:
+    errors = []
+    for frame in ("2 ms", "1 ms"):
+        base = bench("actuator", frame=frame)
+        one = Added("flexible_mode", "act.input", MODE, {"source": "u"})
+        errors.append(apart(base, quick(base, one), change(base, one)))
+    assert errors[1] < 1e-3 and 3.5 < errors[0] / errors[1] < 4.5, errors
+
+
 MODE = {"gain": 0.3, "frequency": 12.0, "damping": 0.05}
 
 
