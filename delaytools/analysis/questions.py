@@ -33,7 +33,8 @@ SOME = 1.0  # s: γ(0) is the same for any delay
 
 
 __all__ = [
-    "Allowances", "LoopRoots", "MarginSweep", "RootSet", "loop_allowances", "loop_margins", "loop_roots", "transfer",
+    "Allowances", "LoopRoots", "MarginSweep", "RootSet", "loop_allowances", "loop_margins", "loop_roots",
+    "scaled_transport", "transfer",
 ]  # fmt: skip
 
 
@@ -110,7 +111,7 @@ def _stable_with(opened: OpenedLoop, extra: float) -> Callable[[float], bool]:
     """Whether the loop is stable with a factor on the opened signal, by a count of its roots."""
     if opened.opened.samplers and opened.exact_sampling:
         closed = opened.closed_at(extra)
-        return lambda factor: sampled_stable(_scaled_transport(closed, opened.closing, factor))
+        return lambda factor: sampled_stable(scaled_transport(closed, opened.closing, factor))
     L = opened.transfer(extra)
     return lambda factor: roots_not_left(closed_loop_of(L * factor)) == 0
 
@@ -233,7 +234,7 @@ def _continuous_roots(opened: OpenedLoop, name: str, value: float, count: int) -
 def _sampled_roots(opened: OpenedLoop, name: str, value: float, count: int) -> RootSet:
     system = opened.closed_at(0.0) if name == "gain" else opened.closed_at(value)
     if name == "gain":
-        system = _scaled_transport(system, opened.closing, value)
+        system = scaled_transport(system, opened.closing, value)
     lifted = lift(system)
     assert lifted is not None
     roots = lifted.roots()
@@ -253,7 +254,7 @@ def _certificate(monodromy: NDArray[np.float64], outside: int) -> str:
     return "" if counted == outside else f"{outside} eigenvalues outside the unit circle, {counted} counted"
 
 
-def _scaled_transport(system: SampledSystem, index: int, factor: float) -> SampledSystem:
+def scaled_transport(system: SampledSystem, index: int, factor: float) -> SampledSystem:
     """The system with what enters one transport multiplied by a factor."""
     matrix = system.M.copy()
     matrix[system.rows("z").start + index] *= factor

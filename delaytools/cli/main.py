@@ -110,21 +110,25 @@ def roots(
     delay_at: DelayAt = None,
     configuration: Configuration = None,
     count: Annotated[int, typer.Option("--count", min=1, help="Roots per value.")] = 10,
+    loci: Annotated[
+        bool, typer.Option("--loci", help="Follow every root over the range: branches, crossings, breakaways.")
+    ] = False,
     json: Json = None,
 ) -> None:
     """Rightmost characteristic roots, each set certified by a count; loci in delay or gain."""
     from delaytools.analysis.questions import loop_roots
+    from delaytools.cli.loci import followed, loci_lines, loci_table
     from delaytools.cli.words import root_lines
 
     check_targets(json)
     plan, loop, odd = load(design, configuration)
     warn(odd)
     at, delay_at = opened_at(plan, loop, at, delay_at)
-    answer = loop_roots(
-        loop, at, delays=delay_range(delay), gains=gain_range(gain), delay_at=delay_at, count=count
-    )
+    delays, gains = delay_range(delay), gain_range(gain)
+    answer = loop_roots(loop, at, delays=delays, gains=gains, delay_at=delay_at, count=count)
+    drawn = followed(loop, at, delays, gains, delay_at, count) if loci else None
     if json != "-":
-        say("\n".join(root_lines(answer)))
+        say("\n".join([*root_lines(answer), *(loci_lines(drawn) if drawn else [])]))
     if json is not None:
         listed = [
             {
@@ -142,7 +146,7 @@ def roots(
             "linearised_without": answer.linearised_without,
             "small_delays": answer.small_delays,
         }
-        write_json({"roots": listed} | rest, json)
+        write_json({"roots": listed} | rest | ({"loci": loci_table(drawn)} if drawn else {}), json)
 
 
 @app.command()

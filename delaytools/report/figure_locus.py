@@ -4,8 +4,10 @@ import math
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
+from delaytools.analysis.root_loci import Branch
 from delaytools.report.locus import Locus
 from delaytools.report.style import GREY, axes_of, in_style, new_figure, title
 
@@ -25,19 +27,16 @@ def draw_locus(locus: Locus, place: str, message: str) -> Figure:
     panel.set_xlim(left, right)
     panel.set_ylim(0, top)
     _grid(panel, left, top)
-    s = np.concatenate(locus.roots)
-    tau = np.concatenate([np.full(len(r), t) for r, t in zip(locus.roots, locus.delays, strict=True)])
-    dots = panel.scatter(s.real, s.imag, c=tau * 1e3, cmap="viridis", s=7, lw=0, zorder=3)
-    bar = figure.colorbar(dots, ax=panel, pad=0.015, aspect=30)
+    bar = figure.colorbar(_draw_branches(panel, locus), ax=panel, pad=0.015, aspect=30)
     bar.set_label(f"Delay at {place} (ms)", fontsize=8)
     bar.ax.tick_params(labelsize=7.5)
     panel.axvline(0, color="#B00020", lw=1.0)
     panel.axvspan(0, right, color="#B00020", alpha=0.06, lw=0)
     _mark_present(panel, locus)
-    for delay, omega in locus.crossings:
-        panel.plot(0, omega, "D", color="#B00020", mec="white", ms=6.5, zorder=5, clip_on=False)
+    for one in (one for one in locus.crossings if one.frequency < top):
+        panel.plot(0, one.frequency, "D", color="#B00020", mec="white", ms=6.5, zorder=5, clip_on=False)
         panel.annotate(
-            f"crosses at {delay * 1e3:.2f} ms,\n{omega / (2 * math.pi):.2f} Hz", (0, omega), (9, 6),
+            f"crosses at {one.value * 1e3:.2f} ms,\n{one.frequency / (2 * math.pi):.2f} Hz", (0, one.frequency), (9, 6),
             textcoords="offset points", fontsize=7.5, color="#B00020", va="bottom", zorder=6, bbox=_PLATE,
         )  # fmt: skip
     panel.set_xlabel("Re s (rad/s)")
@@ -46,14 +45,40 @@ def draw_locus(locus: Locus, place: str, message: str) -> Figure:
     return figure
 
 
+def _draw_branches(panel: Axes, locus: Locus) -> LineCollection:
+    """Every branch as a line that takes its colour from the delay."""
+    pieces, delays = [], []
+    for branch in locus.branches:
+        points = np.stack([branch.roots.real, branch.roots.imag], axis=1)
+        pieces.append(np.stack([points[:-1], points[1:]], axis=1))
+        delays.append(0.5 * (branch.values[:-1] + branch.values[1:]))
+    lines = LineCollection(np.concatenate(pieces), cmap="viridis", lw=1.8, zorder=3)
+    lines.set_array(1e3 * np.concatenate(delays))
+    lines.set_clim(1e3 * locus.span[0], 1e3 * locus.span[1])
+    panel.add_collection(lines, autolim=False)
+    return lines
+
+
 def _box(locus: Locus) -> tuple[float, float, float]:
     """The dominant oscillatory roots and the crossings, with room."""
-    leading = np.concatenate([r[:2] for r in locus.roots if len(r)])
-    top = max([abs(leading.imag).max(), *(w for _, w in locus.crossings)], default=1.0)
+    rows = [one.roots[np.argmax(one.roots.real)] for one in _dominant(locus)]
+    rows += [s for one in _dominant(locus) for s in (one.roots[0], one.roots[-1])]
+    leading = np.array(rows)
+    top = max([abs(leading.imag).max(), *(one.frequency for one in locus.crossings[:1])], default=1.0)
     top = 1.25 * max(top, 1.0)
     left = max(float(leading.real.min()), -1.5 * top)
     right = max(float(leading.real.max()), 0.12 * abs(left))
     return 1.15 * left, 1.9 * right if locus.crossings else 1.3 * right, top
+
+
+def _dominant(locus: Locus) -> list[Branch]:
+    """The branches of which one is the rightmost or next to it somewhere."""
+    delays = np.linspace(*locus.span, 21)
+    levels = np.array([
+        np.interp(delays, one.values, one.roots.real, left=-np.inf, right=-np.inf) for one in locus.branches
+    ])
+    best = np.argsort(-levels, axis=0)[:2]
+    return [locus.branches[k] for k in np.unique(best)]
 
 
 def _mark_present(panel: Axes, locus: Locus) -> None:

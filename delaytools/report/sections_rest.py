@@ -77,22 +77,30 @@ def locus_section(contents: Contents) -> Section:
 
 def _locus_lead(item: Locus, place: str) -> str:
     if not item.crossings:
-        return f"No root crosses the axis for delays at {place} up to {item.delays[-1] * 1e3:.1f} ms."
-    tau, omega = item.crossings[0]
-    return f"A pair of roots crosses the axis at {tau * 1e3:.2f} ms, oscillating at {omega / (2 * math.pi):.2f} Hz."
+        return f"No root crosses the axis for delays at {place} up to {item.span[1] * 1e3:.1f} ms."
+    first = item.crossings[0]
+    return (
+        f"A pair of roots crosses the axis at {first.value * 1e3:.2f} ms, oscillating at "
+        f"{first.frequency / (2 * math.pi):.2f} Hz."
+    )
 
 
 def _locus_message(item: Locus) -> str:
     """How the damping of the leading pair changes from the first delay on."""
-    pairs = [roots[roots.imag > 1e-6 * abs(roots)][:1] for roots in item.roots]
-    known = [
-        (tau, -float(r[0].real) / abs(r[0])) for tau, r in zip(item.delays, pairs, strict=True) if len(r)
-    ]
+    known = [found for delay in item.span if (found := _leading_damping(item, delay)) is not None]
     if not known:
         return "No oscillating root among the rightmost"
-    end = (item.crossings[0][0], 0.0) if item.crossings else known[-1]
+    end = (item.crossings[0].value, 0.0) if item.crossings else known[-1]
     first = f"{number(known[0][1], 2)} at {known[0][0] * 1e3:g} ms"
     return f"Damping of the leading pair: {first}, {number(end[1], 2)} at {end[0] * 1e3:.4g} ms"
+
+
+def _leading_damping(item: Locus, delay: float) -> tuple[float, float] | None:
+    """The delay and the damping there of the rightmost pair, at an end of the range."""
+    ends = [one.roots[k] for one in item.branches for k in (0, -1) if one.values[k] == delay]
+    pairs = [s for s in ends if s.imag > 1e-6 * abs(s)]
+    leading = max(pairs, key=lambda s: s.real, default=None)
+    return None if leading is None else (delay, -float(leading.real) / abs(leading))
 
 
 def runs_section(contents: Contents) -> Section:

@@ -396,6 +396,20 @@ def test_limit_cycles_of_a_relay(inside: Run, tmp_path: Path) -> None:
     assert all(one["check"]["agrees"] for one in lasting)
 
 
+def test_root_loci_of_a_bench(inside: Run, tmp_path: Path) -> None:
+    target = tmp_path / "a.json"
+    done = inside("roots", ROLL, "--delay", "0:40ms:2", "--loci", "--json", target)
+    assert done.returncode == 0 and "crosses the axis to the right" in done.stdout
+    loci = json.loads(target.read_text())["loci"]
+    (crossing,) = loci["crossings"]
+    asked = inside("margins", ROLL, "--delay", "0:40ms:2", "--json", tmp_path / "m.json")
+    assert asked.returncode == 0 and loci["certified"]
+    ((_, end),) = json.loads((tmp_path / "m.json").read_text())["stable_delays"]
+    assert crossing["value"] == pytest.approx(end, rel=1e-6) and crossing["to_the_right"]
+    refused = inside("roots", ROLL, "--loci")
+    assert refused.returncode == 2 and "--delay FROM:TO:COUNT" in refused.stderr
+
+
 def test_a_loop_without_limit_cycles_says_why(inside: Run) -> None:
     done = inside("limit-cycle", ROLL, "--no-check")
     assert done.returncode == 0 and "none:" in done.stdout and done.stderr == ""

@@ -60,7 +60,7 @@ def test_the_sweep_passes_through_the_margins_as_they_stand(contents: Contents) 
 def test_the_locus_crosses_where_stability_ends(contents: Contents) -> None:
     item = contents.loci[0]
     curve = next(c for c in contents.curves if c.family.name == item.name)
-    tau, omega = item.crossings[0]
+    tau, omega = item.crossings[0].value, item.crossings[0].frequency
     assert tau == pytest.approx(curve.stable[0][1])
     loop = open_loop(curve.family.loop, "rate", "table.input").transfer(tau)
     assert abs(1 + complex(loop.siso(1j * omega))) < 1e-6
