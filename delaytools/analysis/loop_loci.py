@@ -18,8 +18,6 @@ from delaytools.signals.trouble import AnalysisError
 __all__ = ["loop_loci"]
 
 COUNTS = 9  # values at which roots are counted
-FEW = 4  # of the rightmost roots at the beginning of the range that are shown in any case, where that can be
-MOST = 40  # roots in the upper half plane at the end of the range: a line further left is not asked for
 
 
 def loop_loci(
@@ -34,8 +32,8 @@ def loop_loci(
 ) -> RootLoci:
     """The loci of the closed loop's characteristic roots, for an extra delay (s) or a factor on the signal `at`.
 
-    delays, gains: the range, one of the two. right_of: rad/s; by default left of the rightmost `count` roots at both
-    ends, where those are not too many. Without sampled blocks: of the exact delay system. Sampled loops: s = ln(z)/T of
+    delays, gains: the range, one of the two. right_of: rad/s; by default left of the rightmost `count` roots, a line
+    that moves with the parameter. Without sampled blocks: of the exact delay system. Sampled loops: s = ln(z)/T of
     the exact monodromy; where there is none, the continuous approximation. Raises AnalysisError for a range that does
     not rise, and where both or none are given.
     """
@@ -48,8 +46,9 @@ def loop_loci(
         raise AnalysisError("a range rises, and a delay is not negative", found=f"{name} from {span[0]} to {span[1]}")
     opened = open_loop(loop, at, delay_at)
     family, exact = _family(opened, name, span[1])
-    line = _line(family, span, count) if right_of is None else float(right_of)
-    found = root_loci(family, np.linspace(*span, COUNTS).tolist(), right_of=line, parameter=name)
+    values = np.linspace(*span, COUNTS).tolist()
+    lines = [family.line(value, count) for value in values] if right_of is None else right_of
+    found = root_loci(family, values, right_of=lines, parameter=name)
     return replace(found, sampling="exact" if exact else APPROXIMATE, linearised_without=opened.without)
 
 
@@ -73,16 +72,3 @@ def _lifted(system: SampledSystem) -> LiftedSystem:
     lifted = lift(system)
     assert lifted is not None
     return lifted
-
-
-def _line(family: ContinuousFamily | SampledFamily, span: tuple[float, float], count: int) -> float:
-    """A line left of the rightmost roots at both ends, the leftmost that leaves few enough roots right of it."""
-    first, few, last = (family.line(v, k) for v, k in ((span[0], count), (span[0], FEW), (span[1], count)))
-    for line in (min(first, last), min(few, last)):
-        try:
-            numbers = [len(family.counted(value, line)[0]) for value in span]
-        except AnalysisError:
-            continue
-        if max(numbers) <= MOST:
-            return line
-    return last

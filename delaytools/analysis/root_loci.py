@@ -8,7 +8,7 @@ from typing import Protocol, final
 import numpy as np
 from numpy.typing import NDArray
 
-from delaytools.analysis.root_path import Family, Meeting, Path, crossing_of, follow, meeting
+from delaytools.analysis.root_path import Family, Line, Meeting, Path, crossing_of, follow, meeting
 from delaytools.signals.trouble import AnalysisError
 
 __all__ = ["AxisCrossing", "Branch", "Breakaway", "CountedFamily", "RootLoci", "root_loci"]
@@ -72,18 +72,19 @@ class Breakaway:
 @final
 @dataclass(frozen=True, eq=False)
 class RootLoci:
-    """All roots with Re s > right_of over a range of the parameter ("delay" in s, or "gain").
+    """All roots right of a line over a range of the parameter ("delay" in s, or "gain").
 
-    crossings and breakaways by rising value. certified: at every value of `checked` the roots on the branches are all
-    that a count finds; why: in words where not.
+    checked (n,): values at which roots were counted; right_of (n,): the line there, Re s in rad/s. crossings and
+    breakaways by rising value. certified: at every value of `checked` the roots on the branches are all that a count
+    finds; why: in words where not.
     """
 
     parameter: str
     branches: tuple[Branch, ...]
     crossings: tuple[AxisCrossing, ...]
     breakaways: tuple[Breakaway, ...]
-    right_of: float
     checked: Array
+    right_of: Array
     why: str = ""
     sampling: str = "exact"
     linearised_without: tuple[str, ...] = field(default=())
@@ -105,8 +106,11 @@ class _Track:
     ends: str = ""
 
 
-def root_loci(family: CountedFamily, values: Sequence[float], *, right_of: float, parameter: str = "") -> RootLoci:
-    """The loci of all roots right of a line (rad/s) between the first and the last of some rising values.
+def root_loci(
+    family: CountedFamily, values: Sequence[float], *, right_of: float | Sequence[float], parameter: str = ""
+) -> RootLoci:
+    """The loci of all roots right of a line (rad/s, one or one for each value) between the first and the last of some
+    rising values.
 
     At each value the roots are counted; in between each is followed by continuation, real ones that meet to where they
     meet and beyond. A root that a count finds and no branch leads to came over the line: it is followed back to it.
@@ -114,7 +118,9 @@ def root_loci(family: CountedFamily, values: Sequence[float], *, right_of: float
     (w - m)² = d pass d = 0 with smooth m and d. Raises AnalysisError for a line with too many roots right of it.
     """
     nodes = np.asarray(values, dtype=float)
-    sets = [_few(family, float(value), right_of) for value in nodes]
+    levels = np.broadcast_to(np.asarray(right_of, dtype=float), nodes.shape)
+    line = _between_levels(nodes, levels)
+    sets = [_few(family, float(value), line) for value in nodes]
     tracks = [_Track([float(nodes[0])], [complex(w)], RANGE) for w in sets[0][0]]
     reasons = [why for _, why in sets if why]
     active, breaks = list(tracks), list[Breakaway]()
@@ -122,10 +128,10 @@ def root_loci(family: CountedFamily, values: Sequence[float], *, right_of: float
     waiting, first = counts[:0:-1], float(nodes[0])
     while waiting:
         last, known, halvings = waiting.pop()
-        found = _between(family, active, (first, last), known, (right_of, halvings == 0))
+        found = _between(family, active, (first, last), known, (line, halvings == 0))
         if found.lost and halvings:
             middle = 0.5 * (first + last)
-            also, why = _few(family, middle, right_of)
+            also, why = _few(family, middle, line)
             reasons += [why] if why else []
             waiting += [(last, known, halvings - 1), (middle, also, halvings - 1)]
             continue
@@ -140,16 +146,23 @@ def root_loci(family: CountedFamily, values: Sequence[float], *, right_of: float
     crossings = [at for one in tracks for at in _crossings(family, one)]
     return RootLoci(
         parameter, branches, tuple(sorted(crossings, key=lambda one: one.value)),
-        tuple(sorted(breaks, key=lambda one: one.value)), right_of, nodes, "; ".join(reasons[:SHOWN]),
+        tuple(sorted(breaks, key=lambda one: one.value)), nodes, levels, "; ".join(reasons[:SHOWN]),
     )  # fmt: skip
 
 
-def _few(family: CountedFamily, value: float, line: float) -> tuple[ComplexArray, str]:
+def _between_levels(nodes: Array, levels: Array) -> Line:
+    """The line between its levels: those of a chain of roots go with 1/delay."""
+    if levels.max() < 0:
+        return lambda value: float(1 / np.interp(value, nodes, 1 / levels))
+    return lambda value: float(np.interp(value, nodes, levels))
+
+
+def _few(family: CountedFamily, value: float, line: Line) -> tuple[ComplexArray, str]:
     """All points right of the line, where they are not too many to follow."""
-    points, why = family.counted(value, line)
+    points, why = family.counted(value, line(value))
     if len(points) > MOST:
-        found = f"{len(points)} at {value:g}"
-        raise AnalysisError(f"too many roots right of {line:g} rad/s", found=found, advice="draw a line further right")
+        problem, found = f"too many roots right of {line(value):g} rad/s", f"{len(points)} at {value:g}"
+        raise AnalysisError(problem, found=found, advice="draw a line further right")
     return points, why
 
 
@@ -169,7 +182,7 @@ def _between(
     active: list[_Track],
     span: tuple[float, float],
     known: ComplexArray,
-    how: tuple[float, bool],
+    how: tuple[Line, bool],
 ) -> _Found:
     """The branches followed from one count to the next; `active` go on where both agree, or (how: the line, and whether
     this is the last try) as far as they do."""
@@ -204,7 +217,7 @@ _Stuck = tuple[_Track, Path]
 
 
 def _meetings(
-    family: CountedFamily, stuck: list[_Stuck], ends: tuple[float, float]
+    family: CountedFamily, stuck: list[_Stuck], ends: tuple[float, Line]
 ) -> list[tuple[tuple[_Stuck, ...], Meeting]]:
     """Those that met before a value (ends: that, and the line): two neighbours on the real axis, one of a pair that
     comes to it, or one whose neighbour was left of the line."""
@@ -225,13 +238,13 @@ def _meetings(
     return found
 
 
-def _from_the_left(family: CountedFamily, path: Path, line: float) -> Path | None:
+def _from_the_left(family: CountedFamily, path: Path, line: Line) -> Path | None:
     """The real root next to a stuck one, at the last two values of that: it came over the line, or is about to."""
     if len(path.values) < 2:
         return None
     here = path.points[-1]
-    level = float(family.s(np.array([here]))[0].real)
-    points, _ = family.counted(path.values[-1], line - max(BESIDE * abs(line), 2 * (level - line)))
+    level, edge = float(family.s(np.array([here]))[0].real), line(path.values[-1])
+    points, _ = family.counted(path.values[-1], edge - max(BESIDE * abs(edge), 2 * (level - edge)))
     beside = points[(points.imag == 0) & (np.abs(points - here) > SAME * abs(here))]
     if not len(beside):
         return None
@@ -244,14 +257,14 @@ def _agreed(
     family: CountedFamily,
     made: tuple[list[_Track], list[_Track], list[Breakaway]],
     pieces: list[tuple[_Track, Path]],
-    counted: tuple[tuple[float, float], ComplexArray, float, bool],
+    counted: tuple[tuple[float, float], ComplexArray, Line, bool],
 ) -> _Found:
     """Ends of branches against a count: what is missing is followed back to the line over which it came."""
     (active, new, breaks), (span, known, line, is_last) = made, counted
     left = list(range(len(known)))
     ended, lost = list[_Track](), list[str]()
     for track, path in pieces:
-        if path.how == "end" and family.s(np.array([path.points[-1]]))[0].real > line:
+        if path.how == "end" and family.s(np.array([path.points[-1]]))[0].real > line(span[1]):
             place = min(left, key=lambda k: abs(known[k] - path.points[-1]), default=None)
             if place is None or abs(known[place] - path.points[-1]) > SAME * (abs(known[place]) + abs(path.points[0])):
                 lost.append(f"a branch ends at {_shown(family, path.points[-1])}, which no count finds")

@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-__all__ = ["Family", "Meeting", "Path", "crossing_of", "follow", "meeting"]
+__all__ = ["Family", "Line", "Meeting", "Path", "crossing_of", "follow", "meeting"]
 
 ComplexArray = NDArray[np.complex128]
+Line = Callable[[float], float]  # value of the parameter -> Re s, rad/s
 BEND = 0.1  # of a root's move: as far from the straight line of the last step it may come out
 STILL = 1e-3  # of a root's size: moves below this may bend as they like
 SAME = 1e-7  # of a root's size: two that lie nearer are one
@@ -52,10 +53,10 @@ class Meeting:
 
 
 def follow(
-    family: Family, points: ComplexArray, ends: tuple[float, float], line: float, longest: float
+    family: Family, points: ComplexArray, ends: tuple[float, float], line: Line, longest: float
 ) -> list[Path]:
     """Every root from one end of a range to the other, by a straight line ahead and a correction, in steps of at most
-    `longest` of it; until it leaves to the left of Re s = line."""
+    `longest` of it; until it leaves to the left of Re s = line(value)."""
     begin, end = ends
     paths = [Path([begin], [complex(point)]) for point in points]
     value, step = begin, longest * (end - begin)
@@ -76,7 +77,7 @@ def follow(
         for k, point in zip(active, found, strict=True):
             paths[k].values.append(value)
             paths[k].points.append(complex(point))
-        gone = family.s(found).real < line
+        gone = family.s(found).real < line(value)
         for k in active[gone]:
             paths[k].how = "left"
         active = active[~gone]

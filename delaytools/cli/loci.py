@@ -31,7 +31,9 @@ def followed(
 
 def loci_lines(loci: Any) -> list[str]:
     """Crossings and breakaways, then where every branch begins and ends."""
-    lines = [f"root loci right of {loci.right_of:.5g} rad/s; sampling: {loci.sampling}"]
+    first, last = loci.right_of[0], loci.right_of[-1]
+    line = f"{first:.5g}" if first == last else f"a line from {first:.5g} to {last:.5g}"
+    lines = [f"root loci right of {line} rad/s; sampling: {loci.sampling}"]
     for one in loci.crossings:
         way = "to the right" if one.to_the_right else "to the left"
         lines.append(
@@ -62,7 +64,8 @@ def loci_table(loci: Any) -> dict[str, Any]:
         "breakaways": [
             {"value": one.value, "root": [one.root.real, one.root.imag], "joins": one.joins} for one in loci.breakaways
         ],
-        "right_of": loci.right_of, "checked": loci.checked.tolist(), "certified": loci.certified, "why": loci.why,
+        "right_of": loci.right_of.tolist(), "checked": loci.checked.tolist(),
+        "certified": loci.certified, "why": loci.why,
     }  # fmt: skip
 
 
