@@ -30,7 +30,8 @@ def newton(system: DelaySystem, guesses: ComplexArray, spans: RealMatrix) -> tup
         move = _newton_step(system, s[active], spans[active])
         limit = np.maximum(2 * reach[active], 0.5 * np.abs(s[active]))
         size = np.abs(move)
-        s[active] = s[active] + move * np.minimum(1.0, limit / np.maximum(size, 1e-30))
+        with np.errstate(invalid="ignore"):  # a guess from which no step is finite
+            s[active] = s[active] + move * np.minimum(1.0, limit / np.maximum(size, 1e-30))
         done = size < 4e-15 * np.abs(s[active])
         stalled = (size < 1e-9 * np.abs(s[active])) & (size >= 0.3 * step[active])
         step[active] = size
@@ -64,7 +65,7 @@ def _newton_step(system: DelaySystem, s: ComplexArray, spans: RealMatrix) -> Com
     aside = np.where(singular, 1e-13 * (np.abs(s) + 1e-3 * np.max(np.abs(s), initial=1e-3)), 0.0)
     if singular.any():
         slope[singular] = _log_derivative(system, (s + aside)[singular], spans[singular])
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
         return np.where(np.isfinite(slope), aside - 1.0 / slope, np.nan)
 
 
