@@ -22,9 +22,8 @@ from delaytools.loop.values import resolve
 from delaytools.signals.expression import signal_expression
 from delaytools.signals.trouble import DesignError
 
-__all__ = ["EXTRA", "OpenedLoop", "open_loop", "with_extra_delay", "writer_port"]
-
-EXTRA = "extra delay"
+__all__ = ["EXTRA", "OpenedLoop", "open_loop", "opened_at_transports", "with_extra_delay", "writer_port"]
+EXTRA, SECOND = "extra delay", "second extra delay"
 CLOSING = "closing delay"
 PLACEHOLDER = 1.0  # s; replaced by the delay asked for
 
@@ -38,7 +37,7 @@ class OpenedLoop:
     a hold where the signal is a sequence, for the continuous approximation. closed: the loop closed again through a
     transport `closing`, with the extra delay as `extra_closed`. period: of the sequence that the signal is (None:
     not sampled). why: why there is no exact sampled answer ("" where there is). without: effects taken at their
-    neutral value.
+    neutral value. second: a further delay of the closed loop, 0 s until it is given.
     """
 
     opened: SampledSystem
@@ -48,6 +47,7 @@ class OpenedLoop:
     extra: int
     extra_closed: int
     closing: int
+    second: int | None
     period: float | None
     why: str
     without: tuple[str, ...]
@@ -71,7 +71,7 @@ class OpenedLoop:
 
     def around_extra(self) -> DelaySystem:
         """L = -z/w at the extra delay's own place, all other loops closed: there the delay is in series."""
-        return -continuous_approximation(_opened_at_transport(self.closed_at(0.0), self.extra_closed))
+        return -continuous_approximation(opened_at_transports(self.closed_at(0.0), (self.extra_closed,)))
 
     def sampled(self, extra: float) -> SampledLoop:
         """The exact sampled loop with the extra delay (s)."""
@@ -85,39 +85,36 @@ def _with_delay(system: SampledSystem, index: int, seconds: float) -> SampledSys
     return replace(system, delays=tuple(delays))
 
 
-def _opened_at_transport(system: SampledSystem, index: int) -> SampledSystem:
-    """The system with one transport's entry as its only output and its exit as its only input."""
-    w, z = system.columns("w"), system.rows("z")
-    matrix = np.vstack(
-        [np.delete(system.M[: system.rows("y").start], z.start + index, axis=0), system.M[z.start + index]]
-    )
+def opened_at_transports(system: SampledSystem, chosen: tuple[int, ...]) -> SampledSystem:
+    """The system with what enters some transports as its only outputs and what leaves them as its only inputs."""
+    w, z, at = system.columns("w").start, system.rows("z").start, list(chosen)
+    rows, columns = [z + i for i in at], [w + i for i in at]
+    matrix = np.vstack([np.delete(system.M[: system.rows("y").start], rows, axis=0), system.M[rows]])
     matrix = matrix[:, : system.columns("e").start]
-    matrix = np.hstack([np.delete(matrix, w.start + index, axis=1), matrix[:, [w.start + index]]])
-    delays = tuple(tau for i, tau in enumerate(system.delays) if i != index)
-    return SampledSystem(
-        matrix, system.n_states, delays, system.samplers, ("exit",), ("entry",), system.state_names
-    )
+    matrix = np.hstack([np.delete(matrix, columns, axis=1), matrix[:, columns]])
+    delays = tuple(tau for i, tau in enumerate(system.delays) if i not in at)
+    exits, entries = (tuple(f"{what} {i}" for i in at) for what in ("exit", "entry"))
+    return SampledSystem(matrix, system.n_states, delays, system.samplers, exits, entries, system.state_names)
 
 
-def with_extra_delay(loop: Loop, port: str) -> Loop:
-    """The loop with a delay, of a size given later, at the port (`BLOCK.input`, `BLOCK.output`)."""
+def with_extra_delay(loop: Loop, port: str, name: str = EXTRA) -> Loop:
+    """The loop with a delay of that name, of a size given later, at the port (`BLOCK.input`, `BLOCK.output`)."""
     place = find_port(loop, port)
     if place.kind not in ("input", "output"):
         raise DesignError(
             "a delay acts on a signal", where=port, found=f"a {place.kind} port", advice="use an input"
         )
-    return insert(
-        loop, place, Delay(delay=PLACEHOLDER), element=Element(EXTRA, Delay(delay=PLACEHOLDER), {}, {})
-    )
+    return insert(loop, place, Delay(delay=PLACEHOLDER), element=Element(name, Delay(delay=PLACEHOLDER), {}, {}))
 
 
-def open_loop(loop: Loop, at: str, delay_at: str | None = None) -> OpenedLoop:
-    """The loop opened at the writer of the signal `at`, with room for an extra delay at the port `delay_at`.
+def open_loop(loop: Loop, at: str, delay_at: str | None = None, second_at: str | None = None) -> OpenedLoop:
+    """The loop opened at the writer of the signal `at`, with room for an extra delay at the port `delay_at`, and for a
+    second one, at `second_at`.
 
     Without `delay_at`, or with the writer's own port there, the extra delay stands at the opened signal, in front
     of all that read it. Raises DesignError for a signal that no block writes, or an unknown port.
     """
-    loop = resolve(loop)
+    loop = resolve(loop) if second_at is None else with_extra_delay(resolve(loop), second_at, SECOND)
     name = reader(at)
     own_port = writer_port(loop, at)
     if delay_at is None or delay_at == own_port:
@@ -137,6 +134,7 @@ def open_loop(loop: Loop, at: str, delay_at: str | None = None) -> OpenedLoop:
         _index(broken, EXTRA),
         _index(rejoined, EXTRA),
         _index(rejoined, CLOSING),
+        None if second_at is None else _index(rejoined, SECOND),
         period,
         _why_not_exact(opened.system, name, period),
         opened.without,

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.linalg import eigvals
 from scipy.optimize import brentq
 
+from delaytools.analysis.crossings import PhaseCrossings
 from delaytools.analysis.curve import Curve, Features, RealArray, traced
 from delaytools.analysis.margin_table import MarginTable, margin_table
 from delaytools.analysis.margins import Labels, Margins, margins_of_table
@@ -17,7 +18,7 @@ from delaytools.linear.lifted import LiftedSystem, lift, why_not_liftable
 from delaytools.linear.sampled_system import SampledSystem
 from delaytools.signals.trouble import AnalysisError
 
-__all__ = ["SampledLoop", "sampled_margins", "sampled_stable", "sweep_sampled_margins"]
+__all__ = ["SampledLoop", "pulse_crossings", "sampled_margins", "sampled_stable", "sweep_sampled_margins"]
 
 MARGINAL = 1e-11  # a multiplier this near the unit circle is not called stable
 
@@ -78,6 +79,12 @@ def sweep_sampled_margins(
     if start is not None:
         intervals.append((start, grid[-1]))
     return found, tuple(intervals)
+
+
+def pulse_crossings(loop: SampledLoop) -> PhaseCrossings:
+    """Where the pulse transfer is real and negative, the ends at 0 and π/T included: there a factor of 1/gain brings a
+    root to the unit circle."""
+    return margin_table(_pulse_curve(loop), np.zeros(1)).listed
 
 
 def sampled_stable(closed: SampledSystem) -> bool:

@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 import typer
 
-from delaytools.cli import cycles, measured
+from delaytools.cli import cycles, maps, measured
 from delaytools.cli.answers import check_targets, write_json
 from delaytools.cli.options import (
     At,
@@ -254,6 +254,7 @@ def fit(
 
 
 app.command()(cycles.limit_cycle)
+app.command()(maps.stability_map)
 app.command()(measured.compare)
 app.command()(measured.diagnose)
 app.command()(measured.improve)

@@ -1,9 +1,12 @@
 """The door of the report: answers are gathered, drawn, and written to files."""
 
+import io
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import final
+
+from matplotlib.figure import Figure
 
 from delaytools.design.design import Design
 from delaytools.report.compensation import Compensation
@@ -14,7 +17,9 @@ from delaytools.report.pages import page_of
 from delaytools.report.pdf import pdf_bytes
 from delaytools.signals.trouble import DelaytoolsError
 
-__all__ = ["ReportFiles", "write_report"]
+__all__ = ["ReportFiles", "write_figure", "write_report"]
+
+FORMATS, DPI = ("png", "svg", "pdf"), 150
 
 
 @final
@@ -56,6 +61,19 @@ def write_report(
     for path, content in (files | drawings).items():
         _write(path, content)
     return ReportFiles(tuple(map(str, files)), tuple(map(str, drawings)))
+
+
+def write_figure(figure: Figure, path: str | Path) -> None:
+    """One figure as PNG, SVG or PDF, by the end of the file's name.
+
+    Raises DelaytoolsError for another one, and where the file cannot be written.
+    """
+    target, content = Path(path), io.BytesIO()
+    kind = target.suffix.lower().removeprefix(".")
+    if kind not in FORMATS:
+        raise DelaytoolsError("no format of a figure", where=str(path), found=repr(target.suffix), known=FORMATS)
+    figure.savefig(content, format=kind, dpi=DPI)
+    _write(target, content.getvalue())
 
 
 def _write(path: Path, content: bytes) -> None:

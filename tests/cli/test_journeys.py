@@ -410,6 +410,28 @@ def test_root_loci_of_a_bench(inside: Run, tmp_path: Path) -> None:
     assert refused.returncode == 2 and "--delay FROM:TO:COUNT" in refused.stderr
 
 
+@pytest.mark.parametrize(
+    "second",
+    [("--gain", "0.3:3"), ("--second-delay", "actuator.input=0:40ms"), ("--number", "parameters.kp=0.02:0.12")],
+)
+def test_stability_maps_of_a_bench(inside: Run, tmp_path: Path, second: tuple[str, str]) -> None:
+    picture, target = tmp_path / "map.png", tmp_path / "a.json"
+    done = inside("stability-map", ROLL, "--delay", "0:40ms", *second, "--out", picture, "--json", target)
+    assert done.returncode == 0 and "% of the plane" in done.stdout and picture.stat().st_size > 10_000
+    found = json.loads(target.read_text())
+    assert len(found["counts"]) == len(found["grid_y"]) and len(found["counts"][0]) == len(found["grid_x"])
+    assert found["curves"] and 0 < found["stable_share"] < 1
+
+
+@pytest.mark.parametrize(
+    ("second", "words"),
+    [((), "one second parameter"), (("--gain", "3:1"), "upwards"), (("--number", "x"), "NAME=FROM:TO")],
+)
+def test_a_plane_that_is_none_is_refused(inside: Run, second: tuple[str, ...], words: str) -> None:
+    done = inside("stability-map", ROLL, "--delay", "0:40ms", *second)
+    assert done.returncode == 2 and words in done.stderr and "Traceback" not in done.stderr
+
+
 def test_a_loop_without_limit_cycles_says_why(inside: Run) -> None:
     done = inside("limit-cycle", ROLL, "--no-check")
     assert done.returncode == 0 and "none:" in done.stdout and done.stderr == ""
