@@ -81,30 +81,38 @@ class Allowances:
     """What else a loop bears at one extra delay (s), besides its margins.
 
     gains: factors on the opened signal that leave it stable. jitter: what a delay at the extra one's place may vary by
-    on top, at any rate; None where the loop is not stable. jitter_sampling: of the jitter margin: its small gain
-    knows holds as continuous ones alone.
+    on top, |δ'| <= rate; None where the loop is not stable. jitter_sampling: of the jitter margin: its small gain knows
+    holds as continuous ones alone. exact, approximate: margins of an exact sampled loop, and what the continuous
+    approximation of its holds says instead; None elsewhere.
     """
 
     gains: GainWindows
     jitter: JitterMargin | None
     jitter_sampling: Sampling
+    rate: float = np.inf
+    exact: Margins | None = None
+    approximate: Margins | None = None
 
 
-def loop_allowances(loop: Loop, at: str, extra: float = 0.0, *, delay_at: str | None = None) -> Allowances:
-    """Intervals of gain and the jitter margin of the loop opened at the signal `at`, with `extra` s at `delay_at`."""
+def loop_allowances(
+    loop: Loop, at: str, extra: float = 0.0, *, delay_at: str | None = None, rate: float = np.inf
+) -> Allowances:
+    """Intervals of gain, the jitter margin and what sampling is worth, of the loop opened at the signal `at`.
+
+    extra: delay in s that is there, at the port `delay_at`. rate: by which a delay varies at most, s/s.
+    """
     _check_delays([extra])
     opened = open_loop(loop, at, delay_at)
-    if opened.opened.samplers and opened.exact_sampling:
-        crossings = sampled_margins(opened.sampled(extra)).crossings
-    else:
-        crossings = margins(opened.transfer(extra)).crossings
+    exact = sampled_margins(opened.sampled(extra)) if opened.opened.samplers and opened.exact_sampling else None
+    continuous = margins(opened.transfer(extra))
     stable_at = _stable_with(opened, extra)
     around = opened.around_extra() * delay(extra)  # what varies comes on top of the delay that is there
     return Allowances(
-        stable_gains(crossings, stable_at),
-        jitter_margin(around) if stable_at(1.0) else None,
+        stable_gains((exact or continuous).crossings, stable_at),
+        jitter_margin(around, rate) if stable_at(1.0) else None,
         APPROXIMATE if opened.opened.samplers else "exact",
-    )
+        rate, exact, continuous if exact is not None else None,
+    )  # fmt: skip
 
 
 def _stable_with(opened: OpenedLoop, extra: float) -> Callable[[float], bool]:

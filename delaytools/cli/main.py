@@ -48,6 +48,10 @@ def margins(
         str | None,
         typer.Option("--together", metavar="SIGNAL,SIGNAL", help="Signals opened at once, for their disk margin."),
     ] = None,
+    rate: Annotated[
+        float | None,
+        typer.Option("--delay-rate", metavar="RATE", min=0.0, help="Of a delay that varies: most s per s, for jitter."),
+    ] = None,
     gate: Annotated[
         bool, typer.Option("--gate", help="Exit 1 where the loop is unstable at any delay asked.")
     ] = False,
@@ -63,7 +67,8 @@ def margins(
     at, delay_at = opened_at(plan, loop, at, delay_at)
     delays = delay_range(delay) or [0.0]
     answer = loop_margins(loop, at, delays, delay_at=delay_at)
-    more = loop_allowances(loop, at, delays[0], delay_at=delay_at) if len(delays) == 1 else None
+    varying = {} if rate is None else {"rate": rate}
+    more = loop_allowances(loop, at, delays[0], delay_at=delay_at, **varying) if len(delays) == 1 else None
     names = [name.strip() for name in together.split(",")] if together is not None else []
     disk = loop_disk_margin(loop, names) if names else None
     if json != "-":
@@ -93,6 +98,7 @@ def margins_answer(answer: Any, more: Any = None, disk: Any = None) -> dict[str,
         found["jitter_margin"] = more.jitter.margin if more.jitter is not None else None
         found["jitter_margin_why"] = "" if more.jitter is not None else "closed loop unstable"
         found["jitter_sampling"] = more.jitter_sampling
+        found["approximation"] = more.approximate
     if disk is not None:
         found["simultaneous_disk_margin"] = disk
     names = ("at", "delay_at", "why_approximate", "small_delays")

@@ -79,8 +79,25 @@ def allowance_lines(more: Any | None, at: str, delay_at: str | None) -> list[str
     if more.jitter is not None:
         taken = "" if more.jitter_sampling == "exact" else ", holds taken as continuous"
         place, span = delay_at or at, more.jitter.margin * 1e3
-        lines.append(f"a delay at {place} that varies at will may add up to {span:.4g} ms{taken}")
-    return lines
+        varies = "at will" if math.isinf(more.rate) else f"by {more.rate:g} s per s at most"
+        lines.append(f"a delay at {place} that varies {varies} may add up to {span:.4g} ms{taken}")
+    return [*lines, *_approximation(more)]
+
+
+def _approximation(more: Any) -> list[str]:
+    """What the continuous approximation of an exact sampled loop says, and how far off that is."""
+    if more.approximate is None:
+        return []
+    shown = (("gain margin", "gain_margin", 1.0, ""), ("phase margin", "phase_margin", 180 / math.pi, " deg"),
+             ("delay margin", "delay_margin", 1e3, " ms"), ("modulus", "modulus_margin", 1.0, ""))  # fmt: skip
+    words = []
+    for name, key, scale, unit in shown:
+        exact, other = getattr(more.exact, key), getattr(more.approximate, key)
+        if exact is None or other is None:
+            continue
+        off = 100 * (other / exact - 1) if exact else math.nan
+        words.append(f"{name} {other * scale:.4g}{unit} ({off:+.2g} %)")
+    return [f"holds taken as (1 - e^(-sT))/(sT) instead: {', '.join(words)}"] if words else []
 
 
 def disk_lines(disk: Any | None) -> list[str]:

@@ -1,5 +1,7 @@
 """Disk margins of several signals at once, and how much a delay may vary."""
 
+from itertools import pairwise
+
 import control as ct
 import numpy as np
 import pytest
@@ -13,6 +15,7 @@ from delaytools.design.build import build
 from delaytools.design.design import parse_design
 from delaytools.linear.algebra import delay, feedback
 from delaytools.linear.delay_system import DelaySystem, as_delay_system
+from delaytools.signals.trouble import AnalysisError
 
 LOOPS = {
     "thesis 3.8": delay(0.02) * ct.tf([3 * 14050.0], np.polymul([1.0, 17.86, 14050.0], [0.5, 1.0])),
@@ -103,6 +106,25 @@ def test_jitter_of_a_second_order_loop() -> None:
 @pytest.mark.parametrize("name", LOOPS)
 def test_a_constant_delay_is_a_varying_one(name: str) -> None:
     assert jitter_margin(LOOPS[name]).margin <= margins(LOOPS[name]).delay_margin * (1 + 1e-9)
+
+
+@pytest.mark.parametrize("rate", [0.0, 0.3, 0.7, 0.99, 1.0, 5.0])
+def test_jitter_of_an_integrator_whose_delay_varies_slowly(rate: float) -> None:
+    """L = 1/s: (1 + b) + (1 - b/(1 - rate))/ω² is least with b = 1 - rate: margin √(2 - rate), 1 from rate 1 on."""
+    found = jitter_margin(as_delay_system(ct.tf([1.0], [1.0, 0.0])), rate)
+    assert found.margin == pytest.approx(np.sqrt(2 - min(rate, 1.0)), rel=1e-6)
+
+
+@pytest.mark.parametrize("name", LOOPS)
+def test_what_varies_slowly_may_vary_more_but_no_more_than_a_constant_delay(name: str) -> None:
+    found = [jitter_margin(LOOPS[name], rate).margin for rate in (0.0, 0.2, 0.8, np.inf)]
+    assert all(slow >= fast * (1 - 1e-9) for slow, fast in pairwise(found))
+    assert found[0] <= margins(LOOPS[name]).delay_margin * (1 + 1e-9)
+
+
+def test_a_negative_rate_is_refused() -> None:
+    with pytest.raises(AnalysisError):
+        jitter_margin(as_delay_system(ct.tf([1.0], [1.0, 0.0])), -0.1)
 
 
 def test_what_passes_at_all_frequencies_bears_no_jitter() -> None:

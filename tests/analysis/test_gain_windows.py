@@ -69,6 +69,10 @@ def test_a_sampled_integrator() -> None:
     found = loop_allowances(build(parse_design(SAMPLED)), "u")
     assert found.gains.looked_at == GAINS and found.jitter_sampling == "continuous approximation"
     assert found.gains.stable[0][1] == pytest.approx(4.0, rel=1e-9) and len(found.gains.stable) == 1
+    assert found.exact is not None and found.approximate is not None
+    assert found.exact.gain_margin == pytest.approx(4.0, rel=1e-9)
+    # 10 (1 - e^(-sT))/(s²T): π at ωT/2 = π/2 beyond -90° - ωT/2, so ω = π/T: |L| = 10 (2/T)/ω² = 10 · 2T/π²
+    assert found.approximate.gain_margin == pytest.approx(np.pi**2 / (20 * 0.05), rel=1e-9)
 
 
 def test_an_unstable_loop_bears_no_jitter() -> None:
