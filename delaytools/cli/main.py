@@ -52,14 +52,18 @@ def margins(
         float | None,
         typer.Option("--delay-rate", metavar="RATE", min=0.0, help="Of a delay that varies: most s per s, for jitter."),
     ] = None,
+    runs: Annotated[
+        bool, typer.Option("--jitter-runs", help="Bracket the jitter margin from above, by runs of the linear loop.")
+    ] = False,
     gate: Annotated[
         bool, typer.Option("--gate", help="Exit 1 where the loop is unstable at any delay asked.")
     ] = False,
 ) -> None:
     """Exact margins of the loop opened at a signal, against an extra delay."""
     from delaytools.analysis.disk_margins import loop_disk_margin
+    from delaytools.analysis.jitter_runs import jitter_runs
     from delaytools.analysis.questions import loop_allowances, loop_margins
-    from delaytools.cli.words import allowance_lines, disk_lines, margin_lines
+    from delaytools.cli.words import allowance_lines, disk_lines, jitter_lines, margin_lines
 
     check_targets(json)
     plan, loop, odd = load(design, configuration)
@@ -69,12 +73,14 @@ def margins(
     answer = loop_margins(loop, at, delays, delay_at=delay_at)
     varying = {} if rate is None else {"rate": rate}
     more = loop_allowances(loop, at, delays[0], delay_at=delay_at, **varying) if len(delays) == 1 else None
+    lost = jitter_runs(loop, at, delays[0], delay_at=delay_at, **varying) if runs else None
     names = [name.strip() for name in together.split(",")] if together is not None else []
     disk = loop_disk_margin(loop, names) if names else None
     if json != "-":
-        say("\n".join([*margin_lines(answer), *allowance_lines(more, at, delay_at), *disk_lines(disk)]))
+        allowed = [*allowance_lines(more, at, delay_at), *jitter_lines(lost)]
+        say("\n".join([*margin_lines(answer), *allowed, *disk_lines(disk)]))
     if json is not None:
-        write_json(margins_answer(answer, more, disk), json)
+        write_json(margins_answer(answer, more, disk) | ({"jitter_runs": lost} if lost else {}), json)
     if gate and not all(m.stable for m in answer.margins):
         raise typer.Exit(1)
 

@@ -4,8 +4,8 @@ import math
 from typing import Any
 
 __all__ = [
-    "allowance_lines", "disk_lines", "fit_lines", "margin_lines", "number_cell", "root_lines", "run_lines",
-    "table_lines", "tuned_lines",
+    "allowance_lines", "disk_lines", "fit_lines", "jitter_lines", "margin_lines", "number_cell", "root_lines",
+    "run_lines", "table_lines", "tuned_lines",
 ]  # fmt: skip
 
 
@@ -82,6 +82,14 @@ def allowance_lines(more: Any | None, at: str, delay_at: str | None) -> list[str
         varies = "at will" if math.isinf(more.rate) else f"by {more.rate:g} s per s at most"
         lines.append(f"a delay at {place} that varies {varies} may add up to {span:.4g} ms{taken}")
     return [*lines, *_approximation(more)]
+
+
+def jitter_lines(lost: Any | None) -> list[str]:
+    """With how little a run was lost; nothing where none was made."""
+    if lost is None:
+        return []
+    often = f" at {lost.frequency:.4g} Hz" if lost.frequency else ""
+    return [f"lost in a run with {lost.lost * 1e3:.4g} ms ({lost.shape}{often}): what it bears lies between"]
 
 
 def _approximation(more: Any) -> list[str]:

@@ -396,6 +396,15 @@ def test_limit_cycles_of_a_relay(inside: Run, tmp_path: Path) -> None:
     assert all(one["check"]["agrees"] for one in lasting)
 
 
+def test_jitter_is_bracketed(inside: Run, tmp_path: Path) -> None:
+    done = inside("margins", ROLL, "--delay-rate", "0.3", "--jitter-runs", "--json", tmp_path / "a.json")
+    assert done.returncode == 0 and "lost in a run with" in done.stdout and "0.3 s per s" in done.stdout
+    found = json.loads((tmp_path / "a.json").read_text())
+    assert found["jitter_margin"] == pytest.approx(found["jitter_runs"]["certain"])
+    assert found["jitter_runs"]["certain"] < found["jitter_runs"]["lost"] <= found["margins"][0]["delay_margin"] * 1.01
+    assert found["approximation"]["gain_margin"] != found["margins"][0]["gain_margin"]
+
+
 def test_root_loci_of_a_bench(inside: Run, tmp_path: Path) -> None:
     target = tmp_path / "a.json"
     done = inside("roots", ROLL, "--delay", "0:40ms:2", "--loci", "--json", target)
