@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 import typer
 
-from delaytools.cli import cycles, maps, measured
+from delaytools.cli import cycles, maps, measured, plots
 from delaytools.cli.answers import check_targets, write_json
 from delaytools.cli.options import (
     At,
@@ -267,6 +267,7 @@ def fit(
 
 app.command()(cycles.limit_cycle)
 app.command()(maps.stability_map)
+app.command()(plots.plot)
 app.command()(measured.compare)
 app.command()(measured.diagnose)
 app.command()(measured.improve)

@@ -29,9 +29,11 @@ class NyquistCurve:
     stable: bool
 
 
-def nyquist_curve(loop: Loop, at: str, name: str, margins: Margins, *, flies: bool = False) -> NyquistCurve:
-    """The curve of the loop opened at `at`, thinned to what can be seen."""
-    curve = _curve(loop, at)
+def nyquist_curve(
+    loop: Loop, at: str, name: str, margins: Margins, *, flies: bool = False, delay_at: str | None = None
+) -> NyquistCurve:
+    """The curve of the loop opened at `at`, with the margins' delay at `delay_at`, thinned to what can be seen."""
+    curve = _curve(loop, at, margins.delay, delay_at)
     nearest = int(np.argmin(np.abs(1 + curve.value)))
     omega, value = _thinned(curve)
     at_nearest = complex(curve.value[nearest])
@@ -39,11 +41,11 @@ def nyquist_curve(loop: Loop, at: str, name: str, margins: Margins, *, flies: bo
     return NyquistCurve(name, flies, omega, value, modulus, at_nearest, margins.stable)
 
 
-def _curve(loop: Loop, at: str) -> Curve:
-    opened = open_loop(loop, at)
+def _curve(loop: Loop, at: str, extra: float, delay_at: str | None) -> Curve:
+    opened = open_loop(loop, at, delay_at)
     if not (opened.opened.samplers and opened.exact_sampling):
-        return curve_of(opened.transfer(0.0))
-    sampled = opened.sampled(0.0)
+        return curve_of(opened.transfer(extra))
+    sampled = opened.sampled(extra)
     lifted = lift(sampled.opened, {sampled.reader: sampled.period})
     assert lifted is not None
     poles = lifted.multipliers[np.abs(lifted.multipliers) > 1e-6].astype(complex)

@@ -396,6 +396,22 @@ def test_limit_cycles_of_a_relay(inside: Run, tmp_path: Path) -> None:
     assert all(one["check"]["agrees"] for one in lasting)
 
 
+@pytest.mark.parametrize("kind", ["bode", "nichols", "nyquist"])
+def test_plots_of_two_configurations(inside: Run, tmp_path: Path, kind: str) -> None:
+    picture = tmp_path / "plot.svg"
+    both = ("--configuration", "all_digital", "--configuration", "obc_sensor")
+    done = inside("plot", ROLL, "--kind", kind, *both, "--out", picture)
+    assert done.returncode == 0 and "all_digital, obc_sensor" in done.stdout
+    assert picture.read_text(encoding="utf-8").count("<svg") == 1
+
+
+def test_a_plot_that_cannot_be_drawn_is_refused(inside: Run, tmp_path: Path) -> None:
+    refused = {"no such plot": ("--kind", "pie"), "no format": ("--out", "a.xyz"), "too many": ("--delay", "0:1ms:20")}
+    for what, words in refused.items():
+        done = inside("plot", ROLL, *words)
+        assert done.returncode == 2 and what in done.stderr and "Traceback" not in done.stderr
+
+
 def test_jitter_is_bracketed(inside: Run, tmp_path: Path) -> None:
     done = inside("margins", ROLL, "--delay-rate", "0.3", "--jitter-runs", "--json", tmp_path / "a.json")
     assert done.returncode == 0 and "lost in a run with" in done.stdout and "0.3 s per s" in done.stdout
