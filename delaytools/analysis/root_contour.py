@@ -1,7 +1,8 @@
 """How many roots a box holds: the argument principle, with a bound that keeps every step of the phase below pi.
 
 f(s) = det G(s), G = I - (c(s) - gamma) P(s), on an edge of half length h about p. With K a bound of
-|G(p)^-1 (G(s) - G(p))| for |s - p| <= h, entry by entry, rho(K) < sin(pi/m) excludes any aliasing of arg f.
+|G(p)^-1 (G(s) - G(p))| for |s - p| <= h, entry by entry, and rho(K) < 1, every eigenvalue of G(p)^-1 G(s) stays right
+of the imaginary axis: the change of arg f is the sum of their arguments at an end, and nothing is aliased.
 An interval that does not pass is halved, for all systems of the batch together.
 """
 
@@ -142,18 +143,19 @@ def _halved(
 def _phase_steps(
     system: DelaySystem, loop: ShiftedLoop, edge: _Edge, spans: RealMatrix, which: NDArray[np.int64]
 ) -> tuple[RealMatrix, NDArray[np.bool_]]:
-    """The change of arg f over each step, and whether it is proved to be below pi on both halves."""
+    """The change of arg f over each step, and whether it is proved not to be aliased on either half."""
     m = system.n_channels
     if m == 0:
         return np.zeros(len(which)), np.ones(len(which), dtype=bool)
     channel = [_channels_at(system, s[which], spans) - loop.gamma for s in edge.points]
     difference = [np.eye(m) - c[:, :, None] * P[which] for c, P in zip(channel, edge.values, strict=True)]
-    first, middle, last = (_determinant(matrix) for matrix in difference)
-    moved = _channel_change(system, edge, spans, which)
+    inverse, moved = _inverse(difference[1]), _channel_change(system, edge, spans, which)
+    change = np.zeros(len(which))
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-        size = _radius_bound(_relative_change(edge, which, _inverse(difference[1]), channel[1], moved))
-        change = np.angle(middle / first) + np.angle(last / middle)
-        passed = (size < np.sin(np.pi / max(m, 2)) * 0.98) & np.isfinite(change)
+        passed = _radius_bound(_relative_change(edge, which, inverse, channel[1], moved)) < 0.98
+        first, last = (_argument(inverse[passed] @ difference[k][passed]) for k in (0, 2))
+    change[passed] = last - first
+    passed[passed] = np.isfinite(change[passed])
     return change, passed
 
 
@@ -187,8 +189,13 @@ def _channels_at(system: DelaySystem, s: ComplexArray, spans: RealMatrix) -> Com
     return np.stack(values, axis=-1)
 
 
-def _determinant(matrix: ComplexArray) -> ComplexArray:
-    return matrix[:, 0, 0] if matrix.shape[-1] == 1 else np.linalg.det(matrix)
+def _argument(matrix: ComplexArray) -> RealMatrix:
+    """arg det of matrices (k, m, m) near I, eigenvalue by eigenvalue: those of two turn by less than pi together."""
+    if matrix.shape[-1] == 1:
+        return np.angle(matrix[:, 0, 0])
+    if matrix.shape[-1] == 2:
+        return np.angle(matrix[:, 0, 0] * matrix[:, 1, 1] - matrix[:, 0, 1] * matrix[:, 1, 0])
+    return np.asarray(np.angle(np.linalg.eigvals(matrix)).sum(axis=1))
 
 
 def _inverse(matrix: ComplexArray) -> ComplexArray:
