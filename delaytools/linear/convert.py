@@ -3,11 +3,14 @@
 from typing import Any
 
 import control
+import numpy as np
+from numpy.typing import ArrayLike
 
 from delaytools.linear.delay_system import DelaySystem, as_delay_system
+from delaytools.signals.response import Response
 from delaytools.signals.trouble import AnalysisError
 
-__all__ = ["from_control", "to_control"]
+__all__ = ["frequency_data", "from_control", "response_of", "to_control"]
 
 
 def from_control(system: Any) -> DelaySystem:
@@ -34,3 +37,20 @@ def to_control(system: DelaySystem) -> control.StateSpace:
     return control.ss(
         system.A, system.B1, system.C1, system.D11, inputs=list(system.inputs), outputs=list(system.outputs)
     )
+
+
+def frequency_data(system: Any, omega: ArrayLike) -> control.FrequencyResponseData:
+    """G(jω) at the frequencies omega (n,) in rad/s, exact with its delays, as python-control's frequency data.
+
+    Margins, plots and products of python-control take it. Raises AnalysisError where `system` is no linear system.
+    """
+    whole, at = as_delay_system(system), np.atleast_1d(np.asarray(omega, dtype=float))
+    return control.frd(np.moveaxis(whole.frequency_response(at), 0, -1), at)
+
+
+def response_of(data: control.FrequencyResponseData, input: int = 0, output: int = 0) -> Response:
+    """One channel of frequency data, measured or computed, as `fit` takes it."""
+    at = np.asarray(data.omega, dtype=float)
+    order = np.argsort(at)
+    names = str(data.input_labels[input]), str(data.output_labels[output])
+    return Response(at[order], np.asarray(data.frdata[output, input], dtype=complex)[order], *names)

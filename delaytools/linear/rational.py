@@ -36,9 +36,14 @@ def is_number(value: Any) -> bool:
 def realised(value: Any) -> Realisation | None:
     """The state-space form of a python-control system, a number or a matrix; None for anything else.
 
-    A vector becomes a row. Raises AnalysisError for discrete time, an improper transfer function or
-    complex coefficients.
+    A vector becomes a row. Raises AnalysisError for discrete time, an improper transfer function,
+    complex coefficients or frequency data.
     """
+    if isinstance(value, control.FrequencyResponseData):
+        raise AnalysisError(
+            "frequency data are no system", found=f"{len(value.omega)} frequencies",
+            advice="join data with data: frequency_data(system, data.omega) * data",
+        )  # fmt: skip
     if isinstance(value, (control.TransferFunction, control.StateSpace)):
         _require_continuous(value)
         found = _of_states(value) if isinstance(value, control.StateSpace) else _of_transfer_function(value)
