@@ -48,6 +48,10 @@ def margins(
         str | None,
         typer.Option("--together", metavar="SIGNAL,SIGNAL", help="Signals opened at once, for their disk margin."),
     ] = None,
+    each: Annotated[
+        str | None,
+        typer.Option("--each", metavar="SIGNAL,SIGNAL", help="Signals opened one at a time, all others closed."),
+    ] = None,
     rate: Annotated[
         float | None,
         typer.Option("--delay-rate", metavar="RATE", min=0.0, help="Of a delay that varies: most s per s, for jitter."),
@@ -63,7 +67,7 @@ def margins(
     from delaytools.analysis.disk_margins import loop_disk_margin
     from delaytools.analysis.jitter_runs import jitter_runs
     from delaytools.analysis.questions import loop_allowances, loop_margins
-    from delaytools.cli.words import allowance_lines, disk_lines, jitter_lines, margin_lines
+    from delaytools.cli.words import allowance_lines, disk_lines, each_lines, jitter_lines, margin_lines
 
     check_targets(json)
     plan, loop, odd = load(design, configuration)
@@ -74,13 +78,17 @@ def margins(
     varying = {} if rate is None else {"rate": rate}
     more = loop_allowances(loop, at, delays[0], delay_at=delay_at, **varying) if len(delays) == 1 else None
     lost = jitter_runs(loop, at, delays[0], delay_at=delay_at, **varying) if runs else None
-    names = [name.strip() for name in together.split(",")] if together is not None else []
+    names, alone = (
+        [name.strip() for name in words.split(",")] if words is not None else [] for words in (together, each)
+    )
     disk = loop_disk_margin(loop, names) if names else None
+    one_by_one = {name: loop_margins(loop, name, delays[:1], delay_at=delay_at).margins[0] for name in alone}
     if json != "-":
         allowed = [*allowance_lines(more, at, delay_at), *jitter_lines(lost)]
-        say("\n".join([*margin_lines(answer), *allowed, *disk_lines(disk)]))
+        say("\n".join([*margin_lines(answer), *allowed, *disk_lines(disk), *each_lines(one_by_one)]))
     if json is not None:
-        write_json(margins_answer(answer, more, disk) | ({"jitter_runs": lost} if lost else {}), json)
+        rest = ({"jitter_runs": lost} if lost else {}) | ({"each": one_by_one} if one_by_one else {})
+        write_json(margins_answer(answer, more, disk) | rest, json)
     if gate and not all(m.stable for m in answer.margins):
         raise typer.Exit(1)
 

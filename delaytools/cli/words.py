@@ -1,11 +1,12 @@
 """Answers as lines of text for a terminal."""
 
 import math
+from collections.abc import Mapping
 from typing import Any
 
 __all__ = [
-    "allowance_lines", "disk_lines", "fit_lines", "jitter_lines", "margin_lines", "number_cell", "root_lines",
-    "run_lines", "table_lines", "tuned_lines",
+    "allowance_lines", "disk_lines", "each_lines", "fit_lines", "jitter_lines", "margin_lines", "number_cell",
+    "root_lines", "run_lines", "table_lines", "tuned_lines",
 ]  # fmt: skip
 
 
@@ -82,6 +83,21 @@ def allowance_lines(more: Any | None, at: str, delay_at: str | None) -> list[str
         varies = "at will" if math.isinf(more.rate) else f"by {more.rate:g} s per s at most"
         lines.append(f"a delay at {place} that varies {varies} may add up to {span:.4g} ms{taken}")
     return [*lines, *_approximation(more)]
+
+
+def each_lines(margins: Mapping[str, Any]) -> list[str]:
+    """The margins at several signals, each opened while all other loops are closed; nothing where none was asked."""
+    if not margins:
+        return []
+    heads = ["one at a time", "stable", "gain margin", "at Hz", "phase margin deg", "at Hz", "delay margin ms"]
+    hertz = 1 / (2 * math.pi)
+    rows = [
+        [name, "yes" if m.stable else "NO", number_cell(m.gain_margin), number_cell(m.gain_margin_frequency, hertz),
+         number_cell(m.phase_margin, 180 / math.pi), number_cell(m.phase_margin_frequency, hertz),
+         number_cell(m.delay_margin, 1e3)]
+        for name, m in margins.items()
+    ]  # fmt: skip
+    return table_lines(heads, rows)
 
 
 def jitter_lines(lost: Any | None) -> list[str]:

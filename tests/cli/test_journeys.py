@@ -412,6 +412,18 @@ def test_a_plot_that_cannot_be_drawn_is_refused(inside: Run, tmp_path: Path) -> 
         assert done.returncode == 2 and what in done.stderr and "Traceback" not in done.stderr
 
 
+def test_margins_one_signal_at_a_time(inside: Run, tmp_path: Path) -> None:
+    target = tmp_path / "a.json"
+    words = ("margins", ROLL, "--configuration", "obc_sensor")
+    done = inside(*words, "--each", "demanded_fin, feedback_rate", "--json", target)
+    assert done.returncode == 0 and "one at a time" in done.stdout
+    each = json.loads(target.read_text())["each"]
+    alone = inside(*words, "--at", "feedback_rate", "--json", tmp_path / "b.json")
+    (known,) = json.loads((tmp_path / "b.json").read_text())["margins"]
+    assert alone.returncode == 0 and each["feedback_rate"]["gain_margin"] == known["gain_margin"]
+    assert set(each) == {"demanded_fin", "feedback_rate"}
+
+
 def test_jitter_is_bracketed(inside: Run, tmp_path: Path) -> None:
     done = inside("margins", ROLL, "--delay-rate", "0.3", "--jitter-runs", "--json", tmp_path / "a.json")
     assert done.returncode == 0 and "lost in a run with" in done.stdout and "0.3 s per s" in done.stdout
