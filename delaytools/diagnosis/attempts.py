@@ -34,9 +34,10 @@ def fits(
     """Each hypothesis fitted, with the χ² that it promised; those that promise far less than was found are left out,
     or than the best promise: far from the truth all promises may be too low. A mode that comes out dull is none.
 
-    known: χ² that something else is known to take off. further: beside others; none, then, after the deadline.
+    known: χ² that something else is known to take off. further: beside others. After the deadline none, but a first one
+    where there is no effect yet: a single run of a stiff friction may take seconds.
     """
-    if further and case.is_late:
+    if case.is_late and (further or fitted.added):
         return []
     starts = _starts(case, fitted)
     best = max((promised for _, promised in hypotheses), default=0.0)
@@ -77,7 +78,7 @@ def _begun(
             small = {name: GENTLY * one.values[name] for name in ("level", "coefficient") if name in one.values}
             added = (*added[:-1], one.moved({**small, "smoothing": other.values["smoothing"]}))
     tried = [attempt(case, added, near, FEW) for near in starts]
-    tried += [attempt(case, *room, FEW)] if room is not None else []
+    tried += [attempt(case, *room, FEW)] if room is not None and not case.is_late else []
     return [one for one in tried if one is not None]
 
 

@@ -97,11 +97,23 @@ def shortlisted(found: Sequence[Screened], *, part: float = 0.15) -> list[Screen
 def sharpened(base: Base, found: Sequence[Screened]) -> list[Screened]:
     """The shortlist with what no derivative can fit: the periods of resamplings, the edges of transients.
 
-    Not in real runs, of which each trial of an edge is a run: there the best hypothesis alone is sharpened.
+    Where each trial of an edge is a run (in real runs, and where the way to the exits is not linear) only those of the
+    most promising candidate: the best hypothesis is sharpened later. None after the deadline.
     """
     if base.case.pieces:
         return list(found)
-    return [_SHARPEN[one.added.kind](base, one.added) if one.added.kind in _SHARPEN else one for one in found]
+    return [
+        _SHARPEN[one.added.kind](base, one.added) if one.added.kind in _SHARPEN and _pays(base, one, place) else one
+        for place, one in enumerate(found)
+    ]
+
+
+def _pays(base: Base, one: Screened, place: int) -> bool:
+    """Whether a candidate is sharpened: it costs little, or it is the first one."""
+    if base.case.is_late:
+        return False
+    way = base.way(one.added.at) if one.added.kind == "transient_gain" and place else None
+    return place == 0 or one.added.kind != "transient_gain" or (way is not None and way.is_quick)
 
 
 def is_sharpened(fitted: Fitted) -> bool:

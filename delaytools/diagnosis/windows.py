@@ -271,6 +271,8 @@ def _centred(base: Base, one: Added, edges: Array, side: int) -> tuple[float, fl
     Where the signal rests, every place of an edge explains the log as well.
     """
     best, step = _taken_off(base, one, edges), base.case.step
+    if base.case.is_late:
+        return float(edges[side]), step
 
     def at(shift: float) -> float:
         moved = edges.copy()
