@@ -19,6 +19,8 @@ __all__ = ["ContinuousFamily", "SampledFamily"]
 
 ComplexArray = NDArray[np.complex128]
 ASIDE = 0.05  # of their spread: how far left of roots a line lies
+FAR = 1e3  # for z: no eigenvalue to take; not so far that the others' distances are lost beside it
+SMALLEST = 0.01  # |z| down to which a line is laid by itself: eigenvalues nearer 0 are a cluster known badly
 CONVERGED = 1e-9  # of a root's size: the last Newton step
 
 
@@ -76,7 +78,7 @@ class SampledFamily:
 
     def line(self, value: float, count: int) -> float:
         """Re s left of the rightmost `count` roots, rad/s."""
-        s = self.lifted(value).roots()
+        s = self.lifted(value).roots(smallest=SMALLEST)
         return _left_of(s.real[:count])
 
     def corrected(self, value: float, guesses: ComplexArray) -> tuple[ComplexArray, NDArray[np.bool_]]:
@@ -84,10 +86,10 @@ class SampledFamily:
         z = self.lifted(value).multipliers
         apart = np.abs(guesses[:, None] - z[None, :])
         apart[(guesses.imag == 0)[:, None] & (z.imag != 0)[None, :]] = np.inf
-        apart = np.minimum(apart, 1e30)
+        apart = np.minimum(apart, FAR)
         rows, columns = linear_sum_assignment(apart)
         found, good = guesses.copy(), np.zeros(len(guesses), dtype=bool)
-        found[rows], good[rows] = z[columns], apart[rows, columns] < 1e30
+        found[rows], good[rows] = z[columns], apart[rows, columns] < FAR
         return found, good
 
     def s(self, points: ComplexArray) -> ComplexArray:
