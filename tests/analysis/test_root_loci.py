@@ -1,7 +1,7 @@
 """Root loci: published crossings and breakaways, branches against counted roots, loops against their margins."""
 
 from collections.abc import Callable
-from itertools import pairwise
+from itertools import pairwise, permutations
 
 import control
 import numpy as np
@@ -204,19 +204,13 @@ def test_a_line_with_more_roots_than_anyone_can_look_at_is_refused() -> None:
         root_loci(family, [0.1, 0.5], right_of=-15.0)
 
 
-def test_a_third_real_root_does_not_hide_a_meeting() -> None:
-    """Two real z meet while a third, small one goes on: each keeps its own eigenvalue."""
-
-    def monodromy(value: float) -> LiftedSystem:
-        pair = np.array([[-0.19, 1.0], [value, -0.19]])  # -0.19 ± √value
-        return LiftedSystem(0.005, block_diag(pair, [[-0.0074 - 0.01 * value]]), *EMPTY)
-
-    family = SampledFamily(monodromy, 0.005)
-    found = root_loci(family, np.linspace(-1e-3, 1.3e-3, 5).tolist(), right_of=np.log(0.005) / 0.005)
-    assert found.certified, found.why
-    (one,) = found.breakaways
-    assert one.value == pytest.approx(0.0, abs=1e-12) and one.joins
-    assert abs(np.exp(0.005 * one.root) + 0.19) < 1e-9 and len(found.branches) == 4
+def test_real_guesses_that_met_leave_a_third_its_own_eigenvalue() -> None:
+    pair = np.array([[-0.19, 1.0], [-1e-6, -0.19]])  # -0.19 ± 0.001j
+    family = SampledFamily(lambda _: LiftedSystem(0.005, block_diag(pair, [[-0.00744]]), *EMPTY), 0.005)
+    for order in permutations([-0.19175, -0.19173, -0.00743]):
+        found, good = family.corrected(0.0, np.array(order, dtype=complex))
+        assert good.tolist() == [guess == -0.00743 for guess in order]
+        assert found[good].tolist() == [-0.00744]
 
 
 EMPTY = np.zeros((3, 0)), np.zeros((0, 3)), np.zeros((0, 0))
