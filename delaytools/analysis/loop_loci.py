@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from delaytools.analysis.opened_loop import OpenedLoop, open_loop
-from delaytools.analysis.questions import APPROXIMATE, scaled_transport
+from delaytools.analysis.opened_loop import OpenedLoop, open_loop, scaled_transport
+from delaytools.analysis.questions import APPROXIMATE
 from delaytools.analysis.root_families import ContinuousFamily, SampledFamily
 from delaytools.analysis.root_loci import RootLoci, root_loci
 from delaytools.linear.algebra import feedback

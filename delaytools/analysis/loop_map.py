@@ -11,8 +11,8 @@ from delaytools.analysis.delay_sweep import delay_windows
 from delaytools.analysis.map_curves import CrossingCurve, Span
 from delaytools.analysis.map_rows import Row, joined_rows
 from delaytools.analysis.margins import curve_of
-from delaytools.analysis.opened_loop import OpenedLoop, open_loop, opened_at_transports
-from delaytools.analysis.questions import APPROXIMATE, scaled_transport
+from delaytools.analysis.opened_loop import OpenedLoop, open_loop, opened_at_transports, scaled_transport
+from delaytools.analysis.questions import APPROXIMATE
 from delaytools.analysis.sampled_margins import pulse_crossings
 from delaytools.analysis.stability_map import POINTS, StabilityMap, checked, delay_factor_map, two_delay_map
 from delaytools.linear.delay_system import DelaySystem

@@ -22,7 +22,10 @@ from delaytools.loop.values import resolve
 from delaytools.signals.expression import signal_expression
 from delaytools.signals.trouble import DesignError
 
-__all__ = ["EXTRA", "OpenedLoop", "open_loop", "opened_at_transports", "with_extra_delay", "writer_port"]
+__all__ = [
+    "EXTRA", "OpenedLoop", "open_loop", "opened_at_transports", "scaled_transport", "with_extra_delay", "writer_port",
+]  # fmt: skip
+
 EXTRA, SECOND = "extra delay", "second extra delay"
 CLOSING = "closing delay"
 PLACEHOLDER = 1.0  # s; replaced by the delay asked for
@@ -95,6 +98,13 @@ def opened_at_transports(system: SampledSystem, chosen: tuple[int, ...]) -> Samp
     delays = tuple(tau for i, tau in enumerate(system.delays) if i not in at)
     exits, entries = (tuple(f"{what} {i}" for i in at) for what in ("exit", "entry"))
     return SampledSystem(matrix, system.n_states, delays, system.samplers, exits, entries, system.state_names)
+
+
+def scaled_transport(system: SampledSystem, index: int, factor: float) -> SampledSystem:
+    """The system with what enters one transport multiplied by a factor."""
+    matrix = system.M.copy()
+    matrix[system.rows("z").start + index] *= factor
+    return replace(system, M=matrix)
 
 
 def with_extra_delay(loop: Loop, port: str, name: str = EXTRA) -> Loop:

@@ -12,7 +12,7 @@ from delaytools.analysis.delay_sweep import sweep_margins
 from delaytools.analysis.gain_windows import GainWindows, stable_gains
 from delaytools.analysis.jitter import JitterMargin, jitter_margin
 from delaytools.analysis.margins import Labels, Margins, Sampling, margins
-from delaytools.analysis.opened_loop import OpenedLoop, open_loop
+from delaytools.analysis.opened_loop import OpenedLoop, open_loop, scaled_transport
 from delaytools.analysis.sampled_margins import sampled_margins, sampled_stable, sweep_sampled_margins
 from delaytools.analysis.stability import closed_loop_of, roots_not_left
 from delaytools.analysis.strong_stability import strong_stability
@@ -21,7 +21,6 @@ from delaytools.linear.delay_system import DelaySystem
 from delaytools.linear.hold_approximation import continuous_approximation
 from delaytools.linear.lifted import lift, why_not_liftable
 from delaytools.linear.lifted_certificate import count_outside
-from delaytools.linear.sampled_system import SampledSystem
 from delaytools.loop.edit import disturbed_at
 from delaytools.loop.linearise import linearise
 from delaytools.loop.loop import Loop
@@ -33,8 +32,7 @@ SOME = 1.0  # s: γ(0) is the same for any delay
 
 
 __all__ = [
-    "Allowances", "LoopRoots", "MarginSweep", "RootSet", "loop_allowances", "loop_margins", "loop_roots",
-    "scaled_transport", "transfer",
+    "Allowances", "LoopRoots", "MarginSweep", "RootSet", "loop_allowances", "loop_margins", "loop_roots", "transfer",
 ]  # fmt: skip
 
 
@@ -260,13 +258,6 @@ def _certificate(monodromy: NDArray[np.float64], outside: int) -> str:
     except AnalysisError as error:
         return error.problem
     return "" if counted == outside else f"{outside} eigenvalues outside the unit circle, {counted} counted"
-
-
-def scaled_transport(system: SampledSystem, index: int, factor: float) -> SampledSystem:
-    """The system with what enters one transport multiplied by a factor."""
-    matrix = system.M.copy()
-    matrix[system.rows("z").start + index] *= factor
-    return replace(system, M=matrix)
 
 
 def transfer(loop: Loop, input: str, output: str) -> DelaySystem:

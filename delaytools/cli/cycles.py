@@ -15,9 +15,8 @@ from delaytools.cli.options import (
     Json,
     progress,
     say,
-    warn,
 )
-from delaytools.cli.reading import delay_range, load, opened_at
+from delaytools.cli.reading import delay_range, opened_loop
 from delaytools.cli.words import number_cell, table_lines
 
 __all__ = ["limit_cycle"]
@@ -36,9 +35,7 @@ def limit_cycle(
     from delaytools.analysis.limit_cycles import limit_cycles
 
     check_targets(json)
-    plan, loop, odd = load(design, configuration)
-    warn(odd)
-    at, delay_at = opened_at(plan, loop, at, delay_at)
+    loop, at, delay_at = opened_loop(design, configuration, at, delay_at)
     answer = limit_cycles(
         loop, at, delay_range(delay), delay_at=delay_at, check=check, progress=progress()
     )

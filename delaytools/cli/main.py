@@ -20,7 +20,7 @@ from delaytools.cli.options import (
     say,
     warn,
 )
-from delaytools.cli.reading import delay_range, gain_range, load, log_columns, opened_at, seconds
+from delaytools.cli.reading import delay_range, gain_range, load, log_columns, opened_at, opened_loop, seconds
 from delaytools.signals.trouble import DelaytoolsError
 
 # The matrices here are small: threads in the linear algebra cost more than they bring.
@@ -61,9 +61,7 @@ def roots(
     from delaytools.cli.words import root_lines
 
     check_targets(json)
-    plan, loop, odd = load(design, configuration)
-    warn(odd)
-    at, delay_at = opened_at(plan, loop, at, delay_at)
+    loop, at, delay_at = opened_loop(design, configuration, at, delay_at)
     delays, gains = delay_range(delay), gain_range(gain)
     answer = loop_roots(loop, at, delays=delays, gains=gains, delay_at=delay_at, count=count)
     drawn = followed(loop, at, delays, gains, delay_at, count) if loci else None

@@ -6,8 +6,8 @@ from typing import Annotated, Any
 import typer
 
 from delaytools.cli.answers import check_targets, write_json
-from delaytools.cli.options import At, Configuration, DelayAt, DesignPath, Json, say, warn
-from delaytools.cli.reading import delay_range, gain_range, load, opened_at
+from delaytools.cli.options import At, Configuration, DelayAt, DesignPath, Json, say
+from delaytools.cli.reading import delay_range, gain_range, opened_loop
 from delaytools.signals.trouble import DelaytoolsError
 
 __all__ = ["stability_map"]
@@ -38,9 +38,7 @@ def stability_map(
     from delaytools.analysis.loop_map import loop_map
 
     check_targets(json)
-    plan, loop, odd = load(design, configuration)
-    warn(odd)
-    at, delay_at = opened_at(plan, loop, at, delay_at)
+    loop, at, delay_at = opened_loop(design, configuration, at, delay_at)
     port, path = _named(second_delay, "--second-delay"), _named(number, "--number")
     found = loop_map(
         loop, at, _span(delay_range(_with_count(delay)), "--delay"), delay_at=delay_at,

@@ -5,8 +5,8 @@ from typing import Annotated, Any
 import typer
 
 from delaytools.cli.answers import check_targets, write_json
-from delaytools.cli.options import At, Configuration, DelayAt, DelayRange, DesignPath, Json, say, warn
-from delaytools.cli.reading import delay_range, load, opened_at
+from delaytools.cli.options import At, Configuration, DelayAt, DelayRange, DesignPath, Json, say
+from delaytools.cli.reading import delay_range, opened_loop
 
 __all__ = ["margins"]
 
@@ -43,19 +43,16 @@ def margins(
 ) -> None:
     """Exact margins of the loop opened at a signal, against an extra delay."""
     from delaytools.analysis.disk_margins import loop_disk_margin
-    from delaytools.analysis.jitter_runs import jitter_runs
     from delaytools.analysis.questions import loop_allowances, loop_margins
     from delaytools.cli.words import allowance_lines, disk_lines, each_lines, jitter_lines, margin_lines
 
     check_targets(json)
-    plan, loop, odd = load(design, configuration)
-    warn(odd)
-    at, delay_at = opened_at(plan, loop, at, delay_at)
+    loop, at, delay_at = opened_loop(design, configuration, at, delay_at)
     delays = delay_range(delay) or [0.0]
     answer = loop_margins(loop, at, delays, delay_at=delay_at)
     varying = {} if rate is None else {"rate": rate}
     more = loop_allowances(loop, at, delays[0], delay_at=delay_at, **varying) if len(delays) == 1 else None
-    lost = jitter_runs(loop, at, delays[0], delay_at=delay_at, **varying) if runs else None
+    lost = _lost(loop, at, delays[0], delay_at, varying) if runs else None
     disk = loop_disk_margin(loop, _names(together)) if together is not None else None
     alone = {name: loop_margins(loop, name, delays[:1], delay_at=delay_at).margins[0] for name in _names(each)}
     if json != "-":
@@ -66,6 +63,12 @@ def margins(
         write_json(margins_answer(answer, more, disk) | rest, json)
     if gate and not all(m.stable for m in answer.margins):
         raise typer.Exit(1)
+
+
+def _lost(loop: Any, at: str, extra: float, delay_at: str | None, varying: dict[str, float]) -> Any:
+    from delaytools.analysis.jitter_runs import jitter_runs
+
+    return jitter_runs(loop, at, extra, delay_at=delay_at, **varying)
 
 
 def _names(text: str | None) -> list[str]:

@@ -4,8 +4,8 @@ from typing import Annotated, Any
 
 import typer
 
-from delaytools.cli.options import At, DelayAt, DelayRange, DesignPath, say, warn
-from delaytools.cli.reading import delay_range, load, opened_at
+from delaytools.cli.options import At, DelayAt, DelayRange, DesignPath, say
+from delaytools.cli.reading import delay_range, opened_loop
 from delaytools.signals.trouble import DelaytoolsError
 
 __all__ = ["plot"]
@@ -57,9 +57,7 @@ def _loops(design: str, names: list[Any], where: tuple[str | None, str | None], 
         raise DelaytoolsError("too many curves to tell apart", found=found, advice=f"ask for {MOST} at most")
     loops = []
     for name in names:
-        plan, loop, odd = load(design, name)
-        warn(odd)
-        at, port = opened_at(plan, loop, *where)
+        loop, at, port = opened_loop(design, name, *where)
         for tau in delays:
             margins = loop_margins(loop, at, [tau], delay_at=port).margins[0]
             words = name or "as written"

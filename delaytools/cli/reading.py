@@ -3,10 +3,13 @@
 import math
 from typing import Any
 
+from delaytools.cli.options import warn
 from delaytools.signals.trouble import DelaytoolsError
 from delaytools.signals.units import convert, quantity
 
-__all__ = ["check_delay_port", "delay_range", "gain_range", "load", "log_columns", "opened_at", "seconds"]
+__all__ = [
+    "check_delay_port", "delay_range", "gain_range", "load", "log_columns", "opened_at", "opened_loop", "seconds",
+]  # fmt: skip
 
 
 def seconds(text: str, option: str) -> float:
@@ -103,6 +106,15 @@ def check_delay_port(design: Any, loop: Any, text: str) -> None:
             found=repr(text),
             advice=f"write {port.element}.input",
         )
+
+
+def opened_loop(
+    design: str, configuration: str | None, at: str | None, delay_at: str | None
+) -> tuple[Any, str, str | None]:
+    """The loop of a design file, where it is opened and where an extra delay stands; says what is odd in the file."""
+    plan, loop, odd = load(design, configuration)
+    warn(odd)
+    return loop, *opened_at(plan, loop, at, delay_at)
 
 
 def opened_at(design: Any, loop: Any, at: str | None, delay_at: str | None) -> tuple[str, str | None]:
