@@ -3,7 +3,8 @@
 A budget is in seconds of a user's clock, for processes side by side. A benchmark has better use for the other cores: it
 runs one process per case, on a clock of its own that counts this process's work, goes back to the beginning of a round
 of segments for each lane in which another process would work, and stands at the end of the longest lane when the round
-is over. What else the machine does changes no answer. Not counted: starting processes and sending them tasks (2-3 s).
+is over. What else the machine does changes hardly an answer: the same work takes somewhat more of the processor's time
+beside other work. Not counted: starting processes and sending them tasks.
 """
 
 import time

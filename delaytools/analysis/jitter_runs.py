@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delaytools.analysis.jitter import jitter_margin
-from delaytools.analysis.margins import margins
+from delaytools.analysis.margins import Sampling, margins
 from delaytools.analysis.opened_loop import open_loop, writer_port
+from delaytools.analysis.questions import APPROXIMATE
 from delaytools.blocks.delay import SignalDelay
 from delaytools.linear.algebra import delay
 from delaytools.loop.edit import disturbed_at, insert
@@ -43,16 +44,18 @@ NEARER, STEPS = 0.99, 6  # of the best so far: at which another is tried; halvin
 @final
 @dataclass(frozen=True)
 class JitterRuns:
-    """certain: s below which no variation of the delay loses the loop. lost: the least with which a run was lost.
+    """certain: s below which no variation of the delay loses the loop. lost: the least with which it is lost.
 
-    shape, frequency: how the delay varied then, between 0 and `lost` more than is there, and how often (Hz; 0: it
-    was constant).
+    shape, frequency: how the delay varies then, between 0 and `lost` more than is there, and how often (Hz; 0: it is
+    constant, by the delay margin, and no run was lost with less). sampling: of `certain` and the delay margin, which
+    know holds as continuous ones alone; the runs know the samplers themselves.
     """
 
     certain: float
     lost: float
     shape: str
     frequency: float
+    sampling: Sampling
 
 
 def jitter_runs(
@@ -72,7 +75,8 @@ def jitter_runs(
         raise AnalysisError("a loop that no constant delay loses, or that is lost already, has no jitter to bracket")
     port = delay_at or writer_port(resolve(loop), at)
     bench = _Bench(loop, at, port, extra, still.phase_margin_frequency / (2 * np.pi))
-    best = JitterRuns(jitter_margin(around, rate).margin, still.delay_margin, "a constant delay", 0.0)
+    sampling = APPROXIMATE if opened.opened.samplers else "exact"
+    best = JitterRuns(jitter_margin(around, rate).margin, still.delay_margin, "a constant delay", 0.0, sampling)
     shapes = SHAPES if rate == np.inf else {"a triangle": SHAPES["a triangle"]}
     for shape in shapes:
         for times in TIMES:

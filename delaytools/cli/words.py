@@ -101,11 +101,13 @@ def each_lines(margins: Mapping[str, Any]) -> list[str]:
 
 
 def jitter_lines(lost: Any | None) -> list[str]:
-    """With how little a run was lost; nothing where none was made."""
+    """With how little a run was lost, or that none was with less than a constant delay; nothing where none was made."""
     if lost is None:
         return []
-    often = f" at {lost.frequency:.4g} Hz" if lost.frequency else ""
-    return [f"lost in a run with {lost.lost * 1e3:.4g} ms ({lost.shape}{often}): what it bears lies between"]
+    if not lost.frequency:
+        return [f"no run was lost with less than the delay margin of {lost.lost * 1e3:.4g} ms"]
+    how = f"{lost.shape} at {lost.frequency:.4g} Hz"
+    return [f"lost in a run with {lost.lost * 1e3:.4g} ms ({how}): what it bears lies between"]
 
 
 def _approximation(more: Any) -> list[str]:

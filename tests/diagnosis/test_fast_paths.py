@@ -287,10 +287,12 @@ def test_a_mode_as_a_product_of_spectra_is_right_to_second_order_in_the_row() ->
 
 
 def test_a_mode_where_it_is_measured_is_what_shakes_it_through_its_own_answer() -> None:
-    for base in (bench("actuator"), held_bench()):
+    for whole in (bench("actuator"), held_bench()):
+        case = replace(whole.case, substeps=16, _replays={})  # so that the run's own steps do not count
+        base = base_of(case, fitted(case))
         one = Added("flexible_mode", "act.output", MODE, {"source": "u"})
         slow = change(base, one)
-        assert np.abs(slow).max() > 0.1 and apart(base, quick(base, one), slow) < 1e-6  # of the run's own steps
+        assert np.abs(slow).max() > 0.1 and apart(base, quick(base, one), slow) < EXACT
 
 
 def test_a_mode_in_a_wire_is_right_to_second_order_in_the_row() -> None:
