@@ -169,8 +169,8 @@ class Replay:
     def run_between(self, values: tuple[float, ...]) -> tuple[Array, Array]:
         """As `run_with_derivatives`, with a free constant delay between its neighbours on a grid.
 
-        The first neighbours' derivatives are those of a chord: for fits that only rank. Straight lines between delays a
-        twentieth of a row apart err by (ωh/20)²/8 of a sine of ω rad/s.
+        For fits that only rank: the derivative by the delay is that of a chord, the others are those of the nearer
+        neighbour. Straight lines between delays a twentieth of a row apart err by (ωh/20)²/8 of a sine of ω rad/s.
         """
         index = next((k for k, path in enumerate(self.free) if path in self._delay_paths), None)
         if index is None:
@@ -179,8 +179,9 @@ class Replay:
         left = math.floor(values[index] / cell)
         part = values[index] / cell - left
         ends = [(*values[:index], place * cell, *values[index + 1 :]) for place in (left, left + 1)]
-        (before, slopes_before), (after, slopes_after) = (self._with_slopes(end, index) for end in ends)
-        slopes = (1 - part) * slopes_before + part * slopes_after
+        nearer = round(part)
+        near, slopes = self._with_slopes(ends[nearer], index)
+        before, after = (near if place == nearer else self.run(end) for place, end in enumerate(ends))
         with np.errstate(over="ignore", invalid="ignore"):  # a run that diverges has no slope
             slopes[:, :, index] = (after - before) / cell
         return (1 - part) * before + part * after, slopes

@@ -8,6 +8,7 @@ from delaytools.loop.loop import Loop
 from delaytools.loop.values import with_numbers
 from delaytools.signals.stimulus import Multisine
 from delaytools.simulation.compiling import compile_loop, moved
+from delaytools.simulation.replay import Replay
 from delaytools.simulation.run import run
 from delaytools.simulation.sensitivity import run_with_derivatives
 from tests.simulation.benches import ACTUATOR, DOUBLET, TABLE, roll_bench, with_block
@@ -60,3 +61,14 @@ def test_a_delay_that_looks_back_to_other_steps_is_compiled_anew(delay: float) -
 def test_both_kinds_of_call_are_met_above() -> None:
     found = [compile_loop(bench((TABLES,)), stimuli, duration=1.2).call.copies for stimuli in DRIVEN.values()]
     assert found[0] > 0 and found[1] == 0
+
+
+@pytest.mark.parametrize("delay", [0.01221, 0.01223, 0.01225, 0.00002])
+def test_runs_between_delays_are_those_of_the_delay_nearly(delay: float) -> None:
+    loop, time = with_numbers(bench((TABLES,)), {TABLES: delay}), 0.001 * np.arange(1200)
+    replay = Replay(loop, SMOOTH, time, ("roll_rate", "table_rate"), ("actuator.damping", TABLES), ())
+    rows, slopes = replay.run_with_derivatives((0.6, delay))
+    found = replay.run_between((0.6, delay))
+    assert np.abs(found[0] - rows).max() < (400.0 * 0.001 / 20) ** 2 / 8 * np.abs(rows).max()  # ω of the table
+    for k, size in enumerate(np.abs(slopes).max(axis=(0, 1))):
+        assert np.abs(found[1][:, :, k] - slopes[:, :, k]).max() < 0.01 * size
