@@ -57,7 +57,10 @@ def _same(one: Oscillation, other: Oscillation) -> bool:
 
 
 def _starts(balance: Balance, reference: int, omega: RealArray) -> list[Oscillation]:
-    """Corners of the net's cells in which the balance of the reference changes sign in size and in phase."""
+    """Corners of the net's cells in which the balance of the reference changes sign in size and in phase.
+
+    Those of the larger size: a limit just below it says nothing of the size yet at the other ones.
+    """
     alone = len(balance.arguments) == 1
     if not alone:
         omega = omega[:: max(1, round(PER_DECADE / _WIDE_NET[1]))]
@@ -73,7 +76,7 @@ def _starts(balance: Balance, reference: int, omega: RealArray) -> list[Oscillat
     back = np.einsum("nr,rn->n", np.tile(reached[:, reference, :], (len(sizes), 1)), first).reshape(grid)
     cells = _cells(np.log(back / sizes[:, None]))
     nothing = np.zeros(len(amplitude))
-    return [Oscillation(nothing, amplitude[:, i * len(omega) + j], 1j * omega[j]) for i, j in cells]
+    return [Oscillation(nothing, amplitude[:, (i + 1) * len(omega) + j], 1j * omega[j]) for i, j in cells]
 
 
 def _worth_looking(
@@ -127,6 +130,8 @@ def _after_first_turn(omega: RealArray, reached: ComplexArray, back: RealArray) 
 def _cells(ratio: ComplexArray) -> list[tuple[int, int]]:
     corners = np.stack([ratio[:-1, :-1], ratio[1:, :-1], ratio[:-1, 1:], ratio[1:, 1:]])
     size, phase = corners.real, corners.imag
+    nothing = np.isneginf(size)  # inside a dead band: nothing comes back, which has no phase
+    phase = np.where(nothing & ~nothing.all(axis=0), np.where(nothing, -np.inf, phase).max(axis=0), phase)
     crossed = (size.min(axis=0) <= 0) & (size.max(axis=0) >= 0)
     crossed &= (phase.min(axis=0) <= 0) & (phase.max(axis=0) >= 0) & (np.ptp(phase, axis=0) < np.pi)
     return [(int(i), int(j)) for i, j in np.argwhere(crossed)]

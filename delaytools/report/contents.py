@@ -10,6 +10,7 @@ from delaytools.report.assumptions import Remark, remarks
 from delaytools.report.budget import Budget, budget
 from delaytools.report.cases import Asked, Case, asked, cases
 from delaytools.report.compensation import Compensation, compensations
+from delaytools.report.cycles import CycleCurve, cycle_curve
 from delaytools.report.delay_curves import DelayCurve, delay_curve, delay_range, families
 from delaytools.report.diagram_layout import Diagram, layout
 from delaytools.report.diagram_parts import diagram_parts
@@ -51,6 +52,7 @@ class Contents:
     curves: tuple[DelayCurve, ...]
     nyquist: tuple[NyquistCurve, ...]
     loci: tuple[Locus, ...]
+    cycles: tuple[CycleCurve, ...]
     runs: Runs | None
     compensations: tuple[Compensation, ...]
     remarks: tuple[Remark, ...]
@@ -95,6 +97,7 @@ def gather(
     curves: tuple[DelayCurve, ...] = ()
     nyquist: tuple[NyquistCurve, ...] = ()
     loci: tuple[Locus, ...] = ()
+    cycles: tuple[CycleCurve, ...] = ()
     if answer is not None:
         budgets = _kept(
             tries("budget", f"budget of {c.name}", partial(budget, c, at, answer[c.name].bench, removed))
@@ -107,13 +110,16 @@ def gather(
         )
         nyquist = tries("nyquist", "Nyquist curves", partial(_nyquist, every, answer, at)) or ()
         loci = _loci(tries, curves, answer, questions, span)
+        cycles = _kept(
+            tries("cycles", f"limit cycles, {c.family.name}", partial(cycle_curve, c, questions, span)) for c in curves
+        )
     runs = _runs(tries, design, every, questions)
     found = compensations(design, answer) if answer is not None else ()
     better = None
     if evidence is not None and evidence.diagnosis is not None and at:
         better = tries("missing", "margins with what is missing", partial(improvement, design, evidence, at))
     return Contents(
-        design, questions, every, diagram, answer, budgets, span, curves, nyquist, loci, runs,
+        design, questions, every, diagram, answer, budgets, span, curves, nyquist, loci, cycles, runs,
         (*found, *extra), remarks(design), evidence, better, tuple(tries.found),
     )  # fmt: skip
 

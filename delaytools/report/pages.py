@@ -6,6 +6,7 @@ from delaytools.report.contents import Contents
 from delaytools.report.page import Page
 from delaytools.report.sections_budget import budget_section
 from delaytools.report.sections_compensation import compensation_section
+from delaytools.report.sections_cycles import cycles_section
 from delaytools.report.sections_delay import nyquist_section, sweep_section
 from delaytools.report.sections_margins import tone, verdict_section
 from delaytools.report.sections_measured import measured_section
@@ -21,8 +22,8 @@ from delaytools.report.sections_rest import (
 __all__ = ["page_of"]
 
 _ORDER = (
-    verdict_section, diagram_section, budget_section, sweep_section, nyquist_section, locus_section, runs_section,
-    compensation_section, measured_section, missing_section, assumptions_section, limits_section,
+    verdict_section, diagram_section, budget_section, sweep_section, nyquist_section, locus_section, cycles_section,
+    runs_section, compensation_section, measured_section, missing_section, assumptions_section, limits_section,
 )  # fmt: skip
 _BY_LOGS = (measured_section, missing_section)
 

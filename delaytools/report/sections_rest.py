@@ -232,7 +232,7 @@ def limits_section(contents: Contents) -> Section:
         if without:
             points.append(
                 f"Margins, roots and Nyquist curves were computed without {listed(list(without))}: effects that "
-                "depend on amplitude show in the runs alone, and can hold a limit cycle where the linear one is stable."
+                "depend on amplitude show in the runs and in the limit cycles alone."
             )
         for why in dict.fromkeys(row.why_approximate for row in answer.rows if row.why_approximate):
             points.append(

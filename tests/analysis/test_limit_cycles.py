@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from delaytools.analysis.cycle_check import Predicted, checked
+from delaytools.analysis.harmonic_balance import polished
 from delaytools.analysis.limit_cycles import LimitCycles, limit_cycles
 from delaytools.analysis.questions import loop_margins
 from delaytools.design.build import build
@@ -46,6 +47,31 @@ input = "u"
 output = "y"
 numerator = [GAIN]
 denominator = [1.0, 3.0, 2.0, 0.0]
+"""
+
+LIMITED = """
+title = "Integrator, delay and sensor behind a limit"
+frame = "1 ms"
+[blocks.limit]
+type = "saturation"
+input = "-12*y"
+output = "u"
+limit = 40.0
+[blocks.plant]
+type = "integrator"
+input = "u"
+output = "x"
+[blocks.late]
+type = "delay"
+input = "x"
+output = "w"
+delay = "LATE s"
+[blocks.sensor]
+type = "second_order"
+input = "w"
+output = "y"
+natural_frequency = "200 rad/s"
+damping = 0.7
 """
 
 VAN_DER_POL = """
@@ -117,6 +143,29 @@ def test_saturation_holds_an_unstable_loop() -> None:
     assert found.stable and found.check is not None and found.check.agrees
     assert found.check.amplitude == pytest.approx(found.amplitude, rel=0.03)
     assert found.pieces[0].gain == pytest.approx(0.6, rel=1e-9) and found.pieces[0].drives is False
+
+
+@pytest.mark.parametrize("delay", [0.124, 0.1245, 0.125, 0.127, 0.14])
+def test_a_cycle_hardly_above_the_limit_is_found(delay: float) -> None:
+    """The loop is lost at 0.1239 s. Below its limit a saturation says nothing of the size: no start is there."""
+    (found,) = cycles(LIMITED.replace("LATE", str(delay)), "u", check=False).cycles
+    s, r = 2j * math.pi * found.frequency, 40.0 / (found.pieces[0].amplitude)
+    N = 2 / math.pi * (math.asin(r) + r * math.sqrt(1 - r**2))
+    L = 12.0 / s * np.exp(-delay * s) * 200.0**2 / (s**2 + 280.0 * s + 200.0**2)
+    assert found.stable and N > 0.8 and abs(1 + N * L) < 1e-8
+
+
+def test_the_threshold_of_a_dead_band_is_no_start(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where nothing comes back it has no phase: the cells beside are not looked at one by one."""
+    tried = []
+
+    def counted(*given: object) -> object:
+        tried.append(given)
+        return polished(*given)  # type: ignore[arg-type]
+
+    monkeypatch.setattr("delaytools.analysis.cycle_search.polished", counted)
+    (found,) = cycles(plant('type = "dead_band"\nhalf_width = 0.5', 10.0), "y", check=False).cycles
+    assert not found.stable and len(tried) <= 4
 
 
 def test_no_cycle_where_the_loop_is_stable_at_every_gain_below_its_own() -> None:

@@ -46,7 +46,7 @@ def test_the_report_of_a_small_design(written: tuple[ReportFiles, list[str]]) ->
 def test_every_anchor_of_the_contents_is_there(written: tuple[ReportFiles, list[str]]) -> None:
     text = Path(written[0].pages[0]).read_text(encoding="utf-8")
     anchors = re.findall(r'<li><a href="#([^"]+)"', text)
-    assert len(anchors) == 10
+    assert len(anchors) == 11
     assert all(f'<section id="{anchor}">' in text for anchor in anchors)
 
 
