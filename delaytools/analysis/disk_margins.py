@@ -12,9 +12,10 @@ from delaytools.analysis.stability import roots_not_left
 from delaytools.analysis.structured_value import StructuredValue, structured_value
 from delaytools.linear.delay_system import DelaySystem
 from delaytools.linear.hold_approximation import continuous_approximation
-from delaytools.loop.edit import cut, reader
+from delaytools.loop.edit import cut, held_at, reader
 from delaytools.loop.linearise import linearise
 from delaytools.loop.loop import Loop
+from delaytools.loop.trim import readers_at_rest
 from delaytools.loop.values import resolve
 
 __all__ = ["DiskMargin", "loop_disk_margin", "simultaneous_disk_margin"]
@@ -48,9 +49,10 @@ def loop_disk_margin(loop: Loop, signals: Sequence[str]) -> DiskMargin:
 
     Raises DesignError for a signal that no block writes.
     """
-    opened = resolve(loop)
+    opened = closed = resolve(loop)
     for name in signals:
         opened = cut(opened, name)
+    opened = held_at(opened, readers_at_rest(closed, signals))
     found = linearise(opened, [reader(name) for name in signals], list(signals))
     return simultaneous_disk_margin(-continuous_approximation(found.system), signals)
 

@@ -14,10 +14,11 @@ from delaytools.linear.delay_system import DelaySystem
 from delaytools.linear.hold_approximation import continuous_approximation
 from delaytools.linear.lifted import lift, why_not_liftable
 from delaytools.linear.sampled_system import SampledSystem
-from delaytools.loop.edit import cut, insert, reader
+from delaytools.loop.edit import cut, held_at, insert, reader
 from delaytools.loop.linearise import linearise
 from delaytools.loop.loop import Element, Loop
 from delaytools.loop.port import find_port
+from delaytools.loop.trim import readers_at_rest
 from delaytools.loop.values import resolve
 from delaytools.signals.expression import signal_expression
 from delaytools.signals.trouble import DesignError
@@ -134,6 +135,7 @@ def open_loop(loop: Loop, at: str, delay_at: str | None = None, second_at: str |
         broken = cut(with_extra_delay(loop, delay_at), at)
     rejoined = _joined(broken, CLOSING, at, name)
     period = _period(loop, at)
+    broken = held_at(broken, readers_at_rest(loop, [at]))
     opened, closed = linearise(broken, [name], [at]), linearise(rejoined, [], [at])
     held = opened if period is None else linearise(_sampled_reader(broken, name, period), [f"{name} new"], [at])
     return OpenedLoop(

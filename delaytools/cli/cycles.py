@@ -12,6 +12,7 @@ from delaytools.cli.options import (
     DelayAt,
     DelayRange,
     DesignPath,
+    Hold,
     Json,
     progress,
     say,
@@ -29,13 +30,14 @@ def limit_cycle(
     delay_at: DelayAt = None,
     configuration: Configuration = None,
     check: Annotated[bool, typer.Option(help="Run the loop from below and above each predicted cycle.")] = True,
+    hold: Hold = None,
     json: Json = None,
 ) -> None:
     """Limit cycles by describing functions with exact delay, each checked by simulation; against an extra delay."""
     from delaytools.analysis.limit_cycles import limit_cycles
 
     check_targets(json)
-    loop, at, delay_at = opened_loop(design, configuration, at, delay_at)
+    loop, at, delay_at = opened_loop(design, configuration, at, delay_at, hold)
     answer = limit_cycles(
         loop, at, delay_range(delay), delay_at=delay_at, check=check, progress=progress()
     )

@@ -15,6 +15,7 @@ from delaytools.cli.options import (
     DelayAt,
     DelayRange,
     DesignPath,
+    Hold,
     Json,
     progress,
     say,
@@ -53,6 +54,7 @@ def roots(
     loci: Annotated[
         bool, typer.Option("--loci", help="Follow every root over the range: branches, crossings, breakaways.")
     ] = False,
+    hold: Hold = None,
     json: Json = None,
 ) -> None:
     """Rightmost characteristic roots, each set certified by a count; loci in delay or gain."""
@@ -61,7 +63,7 @@ def roots(
     from delaytools.cli.words import root_lines
 
     check_targets(json)
-    loop, at, delay_at = opened_loop(design, configuration, at, delay_at)
+    loop, at, delay_at = opened_loop(design, configuration, at, delay_at, hold)
     delays, gains = delay_range(delay), gain_range(gain)
     answer = loop_roots(loop, at, delays=delays, gains=gains, delay_at=delay_at, count=count)
     drawn = followed(loop, at, delays, gains, delay_at, count) if loci else None

@@ -6,7 +6,7 @@ from typing import Annotated, Any
 import typer
 
 from delaytools.cli.answers import check_targets, write_json
-from delaytools.cli.options import At, Configuration, DelayAt, DesignPath, Json, say
+from delaytools.cli.options import At, Configuration, DelayAt, DesignPath, Hold, Json, say
 from delaytools.cli.reading import delay_range, gain_range, opened_loop
 from delaytools.signals.trouble import DelaytoolsError
 
@@ -31,6 +31,7 @@ def stability_map(
     at: At = None,
     delay_at: DelayAt = None,
     configuration: Configuration = None,
+    hold: Hold = None,
     out: Annotated[str | None, typer.Option("--out", metavar="FILE", help="Draw it: .png, .svg or .pdf.")] = None,
     json: Json = None,
 ) -> None:
@@ -38,7 +39,7 @@ def stability_map(
     from delaytools.analysis.loop_map import loop_map
 
     check_targets(json)
-    loop, at, delay_at = opened_loop(design, configuration, at, delay_at)
+    loop, at, delay_at = opened_loop(design, configuration, at, delay_at, hold)
     port, path = _named(second_delay, "--second-delay"), _named(number, "--number")
     found = loop_map(
         loop, at, _span(delay_range(_with_count(delay)), "--delay"), delay_at=delay_at,

@@ -5,7 +5,7 @@ from typing import Annotated, Any
 import typer
 
 from delaytools.cli.answers import check_targets, write_json
-from delaytools.cli.options import At, Configuration, DelayAt, DelayRange, DesignPath, Json, say
+from delaytools.cli.options import At, Configuration, DelayAt, DelayRange, DesignPath, Hold, Json, say
 from delaytools.cli.reading import delay_range, opened_loop
 
 __all__ = ["margins"]
@@ -39,15 +39,24 @@ def margins(
     each: Each = None,
     rate: Rate = None,
     runs: Runs = False,
+    hold: Hold = None,
     gate: Gate = False,
 ) -> None:
     """Exact margins of the loop opened at a signal, against an extra delay."""
     from delaytools.analysis.disk_margins import loop_disk_margin
     from delaytools.analysis.questions import loop_allowances, loop_margins
-    from delaytools.cli.words import allowance_lines, disk_lines, each_lines, jitter_lines, margin_lines
+    from delaytools.cli.words import (
+        allowance_lines,
+        disk_lines,
+        each_lines,
+        jitter_lines,
+        margin_lines,
+        rest_lines,
+    )
+    from delaytools.loop.trim import trim
 
     check_targets(json)
-    loop, at, delay_at = opened_loop(design, configuration, at, delay_at)
+    loop, at, delay_at = opened_loop(design, configuration, at, delay_at, hold)
     delays = delay_range(delay) or [0.0]
     answer = loop_margins(loop, at, delays, delay_at=delay_at)
     varying = {} if rate is None else {"rate": rate}
@@ -55,12 +64,13 @@ def margins(
     lost = _lost(loop, at, delays[0], delay_at, varying) if runs else None
     disk = loop_disk_margin(loop, _names(together)) if together is not None else None
     alone = {name: loop_margins(loop, name, delays[:1], delay_at=delay_at).margins[0] for name in _names(each)}
+    rest = trim(loop)
     if json != "-":
         bears = [*allowance_lines(more, at, delay_at), *jitter_lines(lost), *disk_lines(disk), *each_lines(alone)]
-        say("\n".join([*margin_lines(answer), *bears]))
+        say("\n".join([*margin_lines(answer), *bears, *rest_lines(rest, loop.units)]))
     if json is not None:
-        rest = ({"jitter_runs": lost} if lost else {}) | ({"each": alone} if alone else {})
-        write_json(margins_answer(answer, more, disk) | rest, json)
+        asked = {"jitter_runs": lost, "each": alone, "operating_point": dict(rest.signals) if rest.is_off_zero else {}}
+        write_json(margins_answer(answer, more, disk) | {k: found for k, found in asked.items() if found}, json)
     if gate and not all(m.stable for m in answer.margins):
         raise typer.Exit(1)
 

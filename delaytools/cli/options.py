@@ -8,8 +8,8 @@ from typing import Annotated
 import typer
 
 __all__ = [
-    "At", "Budget", "Configuration", "DelayAt", "DelayRange", "DesignPath", "Gate", "Json", "Logs", "progress", "say",
-    "share_bar", "warn",
+    "At", "Budget", "Configuration", "DelayAt", "DelayRange", "DesignPath", "Gate", "Hold", "Json", "Logs", "progress",
+    "say", "share_bar", "warn",
 ]  # fmt: skip
 
 DesignPath = Annotated[str, typer.Argument(metavar="DESIGN", help="Design file (TOML).")]
@@ -24,6 +24,10 @@ At = Annotated[str | None, typer.Option("--at", metavar="SIGNAL", help="Signal a
 DelayAt = Annotated[str | None, typer.Option("--delay-at", metavar="PORT", help="Port of the extra delay.")]
 DelayRange = Annotated[
     str | None, typer.Option("--delay", metavar="FROM:TO:COUNT", help="Extra delays, e.g. 0:50ms:200.")
+]
+Hold = Annotated[
+    list[str] | None,
+    typer.Option("--hold", metavar="INPUT=VALUE", help="An external input held at a value: asks about the rest there."),
 ]
 Budget = Annotated[
     float | None,

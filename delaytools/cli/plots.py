@@ -4,7 +4,7 @@ from typing import Annotated, Any
 
 import typer
 
-from delaytools.cli.options import At, DelayAt, DelayRange, DesignPath, say
+from delaytools.cli.options import At, DelayAt, DelayRange, DesignPath, Hold, say
 from delaytools.cli.reading import delay_range, opened_loop
 from delaytools.signals.trouble import DelaytoolsError
 
@@ -23,6 +23,7 @@ def plot(
     at: At = None,
     delay: DelayRange = None,
     delay_at: DelayAt = None,
+    hold: Hold = None,
     out: Annotated[str, typer.Option("--out", metavar="FILE", help="The figure: .png, .svg or .pdf.")] = "plot.png",
 ) -> None:
     """The opened loop with its margins marked; configurations and extra delays overlaid."""
@@ -33,7 +34,7 @@ def plot(
     from delaytools.report.style import colours
     from delaytools.report.write import write_figure
 
-    loops = _loops(design, configuration or [None], (at, delay_at), delay_range(delay) or [0.0])
+    loops = _loops(design, configuration or [None], (at, delay_at, hold), delay_range(delay) or [0.0])
     look = colours([one.curve.name for one in loops])
     first = loops[0].margins
     verdict = "" if all(one.margins.stable for one in loops) else "; not all closed loops are stable"
@@ -46,7 +47,7 @@ def plot(
     say(f"{out}: {', '.join(one.curve.name for one in loops)}")
 
 
-def _loops(design: str, names: list[Any], where: tuple[str | None, str | None], delays: list[float]) -> list[Any]:
+def _loops(design: str, names: list[Any], where: tuple[Any, ...], delays: list[float]) -> list[Any]:
     """One curve with its margins for each configuration and delay."""
     from delaytools.analysis.questions import loop_margins
     from delaytools.report.figure_bode import Marked

@@ -1,6 +1,7 @@
 """What the commands share: options as numbers, the design, its configuration, logs."""
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 from delaytools.cli.options import warn
@@ -8,7 +9,8 @@ from delaytools.signals.trouble import DelaytoolsError
 from delaytools.signals.units import convert, quantity
 
 __all__ = [
-    "check_delay_port", "delay_range", "gain_range", "load", "log_columns", "opened_at", "opened_loop", "seconds",
+    "check_delay_port", "delay_range", "gain_range", "held", "load", "log_columns", "opened_at", "opened_loop",
+    "seconds",
 ]  # fmt: skip
 
 
@@ -109,12 +111,35 @@ def check_delay_port(design: Any, loop: Any, text: str) -> None:
 
 
 def opened_loop(
-    design: str, configuration: str | None, at: str | None, delay_at: str | None
+    design: str, configuration: str | None, at: str | None, delay_at: str | None, hold: Sequence[str] | None = None
 ) -> tuple[Any, str, str | None]:
-    """The loop of a design file, where it is opened and where an extra delay stands; says what is odd in the file."""
+    """The loop of a design file, where it is opened and where an extra delay stands; says what is odd in the file.
+
+    hold: external inputs held at values, as `held` reads them.
+    """
+    from delaytools.loop.edit import held_at
+
     plan, loop, odd = load(design, configuration)
     warn(odd)
-    return loop, *opened_at(plan, loop, at, delay_at)
+    return held_at(loop, held(loop, hold or ())), *opened_at(plan, loop, at, delay_at)
+
+
+def held(loop: Any, texts: Sequence[str]) -> dict[str, float]:
+    """External inputs and their values in their units, of texts such as "roll_demand=5 deg"."""
+    found = {}
+    for text in texts:
+        name, sign, value = (part.strip() for part in text.partition("="))
+        parts = quantity(value)
+        if not sign or parts is None or not math.isfinite(parts[0]):
+            raise DelaytoolsError("not an input and its value", where="--hold", found=repr(text), advice="write NAME=2")
+        if name not in loop.externals:
+            raise DelaytoolsError("not an external input", where="--hold", found=repr(name), known=loop.externals)
+        number, unit = parts
+        try:
+            found[name] = convert(number, unit, loop.units.get(name, "")) if unit else number
+        except DelaytoolsError as error:
+            raise error.at(f"--hold {name}") from error
+    return found
 
 
 def opened_at(design: Any, loop: Any, at: str | None, delay_at: str | None) -> tuple[str, str | None]:

@@ -6,7 +6,7 @@ from typing import Any
 
 __all__ = [
     "allowance_lines", "disk_lines", "each_lines", "fit_lines", "jitter_lines", "margin_lines", "number_cell",
-    "root_lines", "run_lines", "table_lines", "tuned_lines",
+    "rest_lines", "root_lines", "run_lines", "table_lines", "tuned_lines",
 ]  # fmt: skip
 
 
@@ -98,6 +98,15 @@ def each_lines(margins: Mapping[str, Any]) -> list[str]:
         for name, m in margins.items()
     ]  # fmt: skip
     return table_lines(heads, rows)
+
+
+def rest_lines(rest: Any, units: Mapping[str, str]) -> list[str]:
+    """Where the loop rests, about which it was asked; nothing where that is zero."""
+    if not rest.is_off_zero:
+        return []
+    least = 1e-9 * max(map(abs, rest.signals.values()))
+    shown = {name: value for name, value in rest.signals.items() if abs(value) > least}
+    return ["about the rest at " + ", ".join(f"{k} {x:.6g} {units.get(k, '')}".rstrip() for k, x in shown.items())]
 
 
 def jitter_lines(lost: Any | None) -> list[str]:

@@ -1,5 +1,6 @@
 """Loop → Loop: put a block at a port, act on a derivative, take a block out, open the loop at a signal."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 from delaytools.blocks.block import Block, Transport
@@ -9,7 +10,7 @@ from delaytools.loop.port import Port, written_at
 from delaytools.signals.expression import Expression, signal_expression
 from delaytools.signals.trouble import DesignError
 
-__all__ = ["act", "cut", "disturbed_at", "insert", "reader", "remove", "wire"]
+__all__ = ["act", "cut", "disturbed_at", "held_at", "insert", "reader", "remove", "wire"]
 
 
 def insert(
@@ -122,6 +123,22 @@ def _reads_instead(element: Element, signal: str, name: str) -> Element:
     inputs = {port: x.renamed({signal: name}) for port, x in element.inputs.items()}
     modifiers = tuple(replace(p, instead={**p.instead, signal: name}) for p in element.modifiers)
     return replace(element, inputs=inputs, modifiers=modifiers)
+
+
+def held_at(loop: Loop, values: Mapping[str, float]) -> Loop:
+    """The loop with external inputs held at these values (in their units): what it is driven with comes on top.
+
+    Whatever is asked of it is asked about the rest that it has there.
+    """
+    for name, value in values.items():
+        if name not in loop.externals:
+            raise DesignError("not an external input", found=repr(name), known=loop.externals)
+        whole = _free_name(loop, f"{name}@held")
+        elements = tuple(_reads_instead(element, name, whole) for element in loop.elements)
+        total = Expression(f"input + ({float(value)!r})").renamed({"input": name})
+        sum_ = Element(whole, Gain(), {"input": total}, {"output": whole})
+        loop = replace(loop, elements=(*elements, sum_), units={**loop.units, whole: loop.units.get(name, "")})
+    return loop
 
 
 def disturbed_at(loop: Loop, signal: str) -> tuple[Loop, str]:

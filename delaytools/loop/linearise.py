@@ -24,6 +24,7 @@ __all__ = [
     "formulas",
     "linearise",
     "operating_point",
+    "rest",
     "sampler_formulas",
     "transport_seconds",
 ]
@@ -175,17 +176,31 @@ def operating_point(lines: Formulas) -> NDArray[np.float64]:
     Zero where the formulas are linear; elsewhere they may hold no free symbol. Raises AnalysisError where there is
     no rest.
     """
-    net, symbols, rows = lines.net, lines.symbols, lines.rows
-    everything = symbols.all
-    if everything.shape[0] == 0 or is_linear(rows, everything):
+    everything = lines.symbols.all
+    if everything.shape[0] == 0 or is_linear(lines.rows, everything):
         return np.zeros(everything.shape[0])
+    return rest(lines)
+
+
+def rest(lines: Formulas, wanted: Mapping[str, float] | None = None, by: Sequence[str] = ()) -> NDArray[np.float64]:
+    """Values of (x, v, w, e) where the loop is at rest; externals are 0, but those in `by`.
+
+    wanted: values of outputs of the lines that these bring about, one for each. Raises AnalysisError where there is no
+    rest.
+    """
+    net, symbols, rows = lines.net, lines.symbols, lines.rows
     n, nv, nw = symbols.x.shape[0], symbols.v.shape[0], symbols.w.shape[0]
-    free = ca.vertcat(symbols.x, symbols.v, symbols.w)
     sampled = rows[n + nw : n + nw + sum(len(e.block.inputs) for e in net.loop.sampled)]
-    still = ca.vertcat(rows[:n], rows[n : n + nw] - symbols.w, _sampled_rest(net, symbols, sampled))
-    still = ca.substitute(still, symbols.e, ca.DM.zeros(symbols.e.shape[0]))
+    outputs = rows[rows.shape[0] - len(lines.outputs) :]
+    asked = [outputs[lines.outputs.index(name)] - value for name, value in (wanted or {}).items()]
+    places = [symbols.externals.index(name) for name in by]
+    sought = ca.vertcat(ca.SX(0, 1), *(symbols.e[k] for k in places))
+    e = ca.vertcat(ca.SX(0, 1), *(symbols.e[k] if k in places else 0.0 for k in range(symbols.e.shape[0])))
+    still = ca.vertcat(rows[:n], rows[n : n + nw] - symbols.w, _sampled_rest(net, symbols, sampled), *asked)
+    free = ca.vertcat(symbols.x, symbols.v, symbols.w, sought)
+    still = ca.substitute(still, symbols.e, e)
     residual = ca.Function("rest", [free], [still, ca.densify(ca.jacobian(still, free))])
-    begin = np.zeros(n + nv + nw)
+    begin = np.zeros(n + nv + nw + len(places))
     begin[:n] = [float(s) for e in net.loop.continuous for s in e.block.initial_state]
     found = least_squares(
         lambda u: np.asarray(residual(u)[0]).ravel(),
@@ -198,11 +213,13 @@ def operating_point(lines: Formulas) -> NDArray[np.float64]:
         1 + np.max(np.abs(found.x))
     ):
         raise AnalysisError(
-            "no operating point: the loop does not rest with all inputs at zero",
+            "no operating point: the loop comes to no rest",
             found=f"largest remaining rate {np.max(np.abs(found.fun)):.3g}",
-            advice="give initial states near an equilibrium",
+            advice="give initial states near an equilibrium, or inputs that allow one",
         )
-    return np.append(found.x, np.zeros(symbols.e.shape[0]))
+    externals = np.zeros(symbols.e.shape[0])
+    externals[places] = found.x[n + nv + nw :]
+    return np.append(found.x[: n + nv + nw], externals)
 
 
 def _sampled_rest(net: Network, symbols: _Symbols, q: ca.SX) -> ca.SX:

@@ -14,10 +14,11 @@ from delaytools.analysis.questions import loop_margins
 from delaytools.blocks.block import Continuous, Sampled, flat_values
 from delaytools.blocks.delay import Delay, VariableDelay
 from delaytools.blocks.sample_hold import SampleHold
-from delaytools.loop.edit import cut, insert, reader
+from delaytools.loop.edit import cut, held_at, insert, reader
 from delaytools.loop.loop import Element, Loop
 from delaytools.loop.port import find_port
 from delaytools.loop.symbolic import nominal_values, symbolic_response
+from delaytools.loop.trim import readers_at_rest
 from delaytools.loop.values import resolve
 from delaytools.signals.expression import signal_expression
 from delaytools.signals.trouble import DesignError
@@ -84,7 +85,8 @@ def _opened_response(loop: Loop, at: str, paths: Sequence[str]) -> ca.Function:
 def _opened(loop: Loop, at: str) -> tuple[Loop, str]:
     """The loop cut at a signal, and the external input that stands for it; a sequence is held where it is read."""
     period = open_loop(loop, at).period
-    broken, name = cut(loop, at), reader(at)
+    name = reader(at)
+    broken = held_at(cut(loop, at), readers_at_rest(resolve(loop), [at]))
     if period is None:
         return broken, name
     sampler = Element(

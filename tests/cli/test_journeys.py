@@ -490,3 +490,23 @@ def test_margins_of_several_signals_gains_and_jitter(inside: Run, tmp_path: Path
     assert disk["signals"] == ["demanded_fin", "feedback_rate"] and 0 < disk["margin"] < margin["disk_margin"] + 0.05
     wrong = inside("margins", ROLL, "--together", "demanded_fin,stick")
     assert wrong.returncode == 2 and "'stick'" in wrong.stderr
+
+
+def test_margins_about_a_rest(inside: Run, tmp_path: Path) -> None:
+    target = tmp_path / "stiff.toml"
+    target.write_text(
+        'title = "A stiffening axis"\n[signals]\ndemand = "deg"\nangle = "deg"\n'
+        '[blocks.controller]\ntype = "gain"\ninput = "20*(demand - angle) - 6*rate"\noutput = "torque"\n'
+        '[blocks.axis]\ntype = "equations"\ninputs = { u = "torque" }\nstates = { q = 0.0, v = 0.0 }\n'
+        'rates = { q = "v", v = "u - 4*q - 0.5*q**3" }\noutputs = { angle = "q", rate = "v" }\n'
+    )
+    level = answered(inside, "margins", target, "--at", "torque")
+    done = inside("margins", target, "--at", "torque", "--hold", "demand = 2.6 deg", "--json", tmp_path / "a.json")
+    assert "about the rest at demand 2.6 deg, torque 12, angle 2 deg" in done.stdout
+    held = strict((tmp_path / "a.json").read_text())
+    assert held["operating_point"]["angle"] == pytest.approx(2.0) and "operating_point" not in level
+    assert held["margins"][0]["delay_margin"] < level["margins"][0]["delay_margin"]
+    for command_ in ("roots", "limit-cycle"):
+        assert answered(inside, command_, target, "--at", "torque", "--hold", "demand=2.6")
+    for wrong, part in (("dmand=1", "nearest: demand"), ("demand", "NAME=2"), ("demand=2 m", "--hold demand")):
+        assert part in said(inside("margins", target, "--at", "torque", "--hold", wrong))
