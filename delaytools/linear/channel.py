@@ -21,8 +21,8 @@ _SERIES = [(-1.0) ** k * k / factorial(k + 1) for k in range(1, 22)]  # of phi'(
 class Channel(ABC):
     """A scalar entire function of s with value 1 at s = 0: c(s) = kappa(s span), `span` in seconds.
 
-    Arrays of s in, complex arrays of the same shape out. The scaled forms hold the factor e^{s span}, so that
-    nothing overflows where Re s < 0.
+    Arrays in, complex arrays of the same shape out. The scaled forms hold the factor e^{s span}, so that nothing
+    overflows where Re s < 0.
     """
 
     @property
@@ -30,21 +30,9 @@ class Channel(ABC):
     def span(self) -> float:
         """The seconds of the past that the channel remembers."""
 
-    @abstractmethod
     def value(self, s: Any) -> ComplexArray:
         """c(s)."""
-
-    @abstractmethod
-    def derivative(self, s: Any) -> ComplexArray:
-        """dc/ds."""
-
-    @abstractmethod
-    def scaled_value(self, s: Any) -> ComplexArray:
-        """e^{s span} c(s), for Re s < 0."""
-
-    @abstractmethod
-    def scaled_derivative(self, s: Any) -> ComplexArray:
-        """d/ds [e^{s span} c(s)], for Re s < 0."""
+        return self.kappa(_complex(s) * self.span)
 
     @abstractmethod
     def with_span(self, span: float) -> "Channel":
@@ -79,22 +67,6 @@ class Delay(Channel):
         """tau."""
         return self.seconds
 
-    def value(self, s: Any) -> ComplexArray:
-        """e^{-s tau}."""
-        return self.kappa(_complex(s) * self.span)
-
-    def derivative(self, s: Any) -> ComplexArray:
-        """-tau e^{-s tau}."""
-        return self.span * self.kappa_derivative(_complex(s) * self.span)
-
-    def scaled_value(self, s: Any) -> ComplexArray:
-        """e^{s tau} e^{-s tau} = 1."""
-        return self.kappa(_complex(s) * self.span, scaled=True)
-
-    def scaled_derivative(self, s: Any) -> ComplexArray:
-        """0."""
-        return self.span * self.kappa_derivative(_complex(s) * self.span, scaled=True)
-
     def with_span(self, span: float) -> "Delay":
         """A transport of `span` seconds."""
         return Delay(span)
@@ -113,7 +85,8 @@ class Delay(Channel):
 class Hold(Channel):
     """The mean over the last T seconds: c(s) = (1 - e^{-sT})/(sT), T = `period` > 0.
 
-    The continuous approximation of sampling and holding at period T. Raises AnalysisError where T <= 0.
+    kappa(x) = phi(x) = (1 - e^{-x})/x, phi(0) = 1: the continuous approximation of sampling and holding at period T.
+    Raises AnalysisError where T <= 0.
     """
 
     period: float
@@ -127,22 +100,6 @@ class Hold(Channel):
     def span(self) -> float:
         """T."""
         return self.period
-
-    def value(self, s: Any) -> ComplexArray:
-        """phi(sT) with phi(x) = (1 - e^{-x})/x, phi(0) = 1."""
-        return self.kappa(_complex(s) * self.span)
-
-    def derivative(self, s: Any) -> ComplexArray:
-        """T phi'(sT)."""
-        return self.span * self.kappa_derivative(_complex(s) * self.span)
-
-    def scaled_value(self, s: Any) -> ComplexArray:
-        """e^{sT} phi(sT) = phi(-sT)."""
-        return self.kappa(_complex(s) * self.span, scaled=True)
-
-    def scaled_derivative(self, s: Any) -> ComplexArray:
-        """-T phi'(-sT)."""
-        return self.span * self.kappa_derivative(_complex(s) * self.span, scaled=True)
 
     def with_span(self, span: float) -> "Hold":
         """A hold of `span` seconds."""

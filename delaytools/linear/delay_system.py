@@ -115,10 +115,6 @@ class DelaySystem:
         """
         return evaluation.bordered_matrix(self, s)
 
-    def characteristic_derivative(self, s: Any) -> ComplexArray:
-        """dM/ds of `characteristic_matrix`, with the same scaled rows, shape (..., n+m, n+m)."""
-        return evaluation.bordered_derivative(self, s)
-
     def appended(self, other: "DelaySystem") -> "DelaySystem":
         """Both side by side, not connected: diag(self, other)."""
         pairs = {

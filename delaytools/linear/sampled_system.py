@@ -147,16 +147,6 @@ class SampledSystem:
         """The part of M that maps `column` (x, v, w, e) to `row` (x for x', z, q, y); read-only view."""
         return self.M[self.rows(row), self.columns(column)]
 
-    def sampler_inputs(self, index: int) -> slice:
-        """Where the inputs of sampler `index` stand within q."""
-        start = sum(sampler.n_inputs for sampler in self.samplers[:index])
-        return slice(start, start + self.samplers[index].n_inputs)
-
-    def sampler_outputs(self, index: int) -> slice:
-        """Where the outputs of sampler `index` stand within v."""
-        start = sum(sampler.n_outputs for sampler in self.samplers[:index])
-        return slice(start, start + self.samplers[index].n_outputs)
-
 
 def _place(sizes: dict[str, int], name: str) -> slice:
     if name not in sizes:

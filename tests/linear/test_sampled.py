@@ -26,7 +26,6 @@ def test_blocks_and_sizes():
     assert sampled.rows("q") == slice(2, 3) and sampled.columns("w") == slice(2, 3)
     assert sampled.row_sizes == {"x": 1, "z": 1, "q": 1, "y": 1}
     assert (STATIC.n_states, STATIC.n_inputs, STATIC.n_outputs) == (0, 1, 1)
-    assert sampled.sampler_inputs(0) == sampled.sampler_outputs(0) == slice(0, 1)
     with pytest.raises(ValueError):
         sampled.M[0, 0] = 1.0
 
