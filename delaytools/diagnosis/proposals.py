@@ -43,15 +43,15 @@ def proposals(case: Case, fitted: Fitted) -> list[Screened]:
 
 
 def _all(base: Base) -> list[Screened]:
-    """Every candidate with what it could take off, the most first."""
-    case, fitted = base.case, base.fitted
-    places = spots(case.segment)
-    view = base.view
+    """Every candidate with what it could take off, the most first; those that time allows."""
+    places, view = spots(base.case.segment), base.view
     found = screened(base, (*candidates(view, places), *own_candidates(view)))
-    found += interferences(base, places) + modes(base, view, places)
-    found += transients(base, places) + swings(base, places)
-    found += quantisations(base, view, places) + _dropped(base)
-    taken = {one.key for one in fitted.added}
+    for sought in (
+        lambda: interferences(base, places), lambda: modes(base, view, places), lambda: transients(base, places),
+        lambda: swings(base, places), lambda: quantisations(base, view, places), lambda: _dropped(base),
+    ):  # fmt: skip
+        found += [] if base.is_late else sought()
+    taken = {one.key for one in base.fitted.added}
     return sorted((s for s in found if s.added.key not in taken), key=_worth, reverse=True)
 
 

@@ -60,6 +60,11 @@ class Base:
     stopped: Array
     _ways: dict[str, Way | None] = field(default_factory=dict, repr=False)
 
+    @property
+    def is_late(self) -> bool:
+        """Whether time is up for a further effect: stiff frictions make a screening last as long as a search."""
+        return self.case.is_late and bool(self.fitted.added)
+
     @cached_property
     def view(self) -> View:
         """The segment's signals under the hypothesis."""
@@ -184,9 +189,12 @@ def _simulated(base: Base, added: tuple[Added, ...], other: int | None = None) -
 
 def screened(base: Base, candidates: Iterable[Candidate]) -> list[Screened]:
     """Every candidate that takes something off, the most first."""
-    found = [(one, best) for one in candidates if (best := _best(base, one)) is not None]
+    found = [(one, best) for one in candidates if not base.is_late and (best := _best(base, one)) is not None]
     least = CLOSER * max((best.gain for _, best in found), default=0.0)
-    nearer = (_between(base, one, best) if one.manner == GRID and best.gain > least else best for one, best in found)
+    nearer = (
+        _between(base, one, best) if one.manner == GRID and best.gain > least and not base.is_late else best
+        for one, best in found
+    )
     return sorted(nearer, key=lambda s: -s.gain)
 
 

@@ -13,7 +13,7 @@ from delaytools.diagnosis.joint_start import making_room
 from delaytools.diagnosis.leftover import imitated
 from delaytools.diagnosis.noise_of import Carried, noise_of
 from delaytools.diagnosis.places import spots
-from delaytools.diagnosis.proposals import shortlisted
+from delaytools.diagnosis.proposals import proposals, shortlisted
 from delaytools.diagnosis.refits import fitted_again, spared
 from delaytools.diagnosis.screen import Screened, base_of, response, screened
 from delaytools.diagnosis.search import search
@@ -72,6 +72,15 @@ def test_a_fit_past_its_deadline_ends_where_it_stands() -> None:
     assert ended.is_settled and ended.values == pytest.approx([20e-3], rel=0.02)
     begun = case.residual(case.outputs((far,), (2e-3,)))
     assert not stopped.is_settled and 2 * ended.chi2 < stopped.chi2 < float(begun @ begun)
+
+
+def test_after_the_deadline_only_a_first_effect_is_still_sought() -> None:
+    leak = Added("cross_coupling", "act.output", {"gain": 0.3}, {"source": "u"})
+    case = planted(ACTUATOR, (Added("lag", "act.output", {"time_constant": 20e-3}), leak), WAVE)
+    late = replace(case, deadline=0.0)
+    first, beside = fitted(case), fitted(case, leak)
+    assert proposals(late, first)[0].added.key == proposals(case, first)[0].added.key
+    assert proposals(case, beside) and proposals(late, beside) == []
 
 
 def test_a_fit_says_what_one_more_step_would_take_off() -> None:
