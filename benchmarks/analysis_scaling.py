@@ -24,6 +24,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 import control
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import NullFormatter
 from scipy.integrate import solve_ivp
 
 from delaytools.analysis.characteristic_roots import rightmost_roots
@@ -184,7 +185,11 @@ def draw(parts: dict[str, dict[str, Curve]], out: Path) -> None:
     for panel, (label, curves) in zip(figure.subplots(1, 3), parts.items(), strict=True):
         for name, (x, y) in curves.items():
             panel.loglog(x, y, "o-", label=name)
-        panel.set_xlabel(label)
+        title, panel_label = label.split(": ")
+        panel.set_title(title, loc="left", fontsize=9)
+        panel.set_xlabel(panel_label)
+        panel.xaxis.set_minor_formatter(NullFormatter())
+        panel.set_xticks(x, [f"{value:g}" for value in x])
         panel.grid(visible=True, which="both", color="#e3e6ea")
         panel.legend(frameon=False, fontsize=8)
     figure.axes[0].set_ylabel("Time (s)")
@@ -199,7 +204,10 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=Path("."), help="Folder for the figure.")
     given = parser.parse_args()
     margins, roots, lengths = margins_against_delays(given.most), roots_against_states(), responses_against_length()
-    draw({"Delays": margins, "States": roots, "Length of the record (s)": lengths}, given.out)
+    draw({
+        "Margins: delays": margins, "Characteristic roots right of a line: states": roots,
+        "Step response at 1 kHz: length (s)": lengths,
+    }, given.out)  # fmt: skip
     (_, ours), (_, theirs) = margins.values()
     if given.most >= COUNTS[-1] and theirs[-1] / ours[-1] < FASTER:
         raise SystemExit(f"1000 delays: {theirs[-1] / ours[-1]:.0f} times faster, below the mark of {FASTER}")
