@@ -162,8 +162,19 @@ def _arguments(sines: Sines, points: int) -> RealArray:
 
 def _instant(part: NonlinearPart, sines: Sines, points: int) -> RealArray:
     u = _arguments(sines, points)
-    found = np.asarray(part.formula(u.reshape(len(u), -1)))
-    return found.reshape(len(part.results), *u.shape[1:])
+    given = np.ascontiguousarray(u.reshape(len(u), -1).T)
+    buffer, evaluate = _at_points(part.formula, len(given)).buffer()
+    found = np.empty((len(given), len(part.results)))
+    buffer.set_arg(0, memoryview(given))
+    buffer.set_res(0, memoryview(found))
+    evaluate()
+    return found.T.reshape(len(part.results), *u.shape[1:])
+
+
+@lru_cache(maxsize=64)
+def _at_points(formula: ca.Function, count: int) -> ca.Function:
+    """A formula at so many points in one call, built once: as a call with a matrix it is built anew each time."""
+    return formula.map(count)
 
 
 def _remembered(part: NonlinearPart, sines: Sines, points: int, turns: int) -> RealArray:

@@ -27,6 +27,7 @@ ComplexArray = NDArray[np.complex128]
 Table = Callable[[RealArray, RealArray], ComplexArray]
 
 FINE = 16384  # points of a period for an answer
+_FEWER, _NEAR = 512, 0.03  # points with which an answer is approached, and what may be left then
 _ROUGH = 32  # points of a period where a net is searched and a piece has several arguments
 _TRIES = 25  # evaluations for each unknown
 _AWAY = 1.5  # in the logarithms of frequency and amplitude: an answer further from its start belongs to another one
@@ -197,26 +198,31 @@ def _solved(
     balance: Balance, start: Oscillation, reference: int, size: float | None, rough: bool = False
 ) -> Oscillation | None:
     """The balance from a start, with the reference's amplitude free on the axis, or given with s free."""
-    unknown = _Unknown(balance, start, reference, size, rough)
-    begin = unknown.start()
-    with np.errstate(all="ignore"):
-        options = {"xtol": 1e-13, "maxfev": _TRIES * (len(begin) + 1)}
-        found = root(unknown.left_over, begin, method="hybr", options=options)
-        left = unknown.left_over(found.x)
-    good = np.all(np.isfinite(left)) and np.abs(left).max() < 1e-6 and np.abs(found.x[:2]).max() < _AWAY
-    return unknown.oscillation(found.x) if good else None
+    x = _Unknown(balance, start, reference, size, 0).start()
+    for points, enough in ((0, 1e-6),) if rough else ((_FEWER, _NEAR), (FINE, 1e-6)):
+        unknown = _Unknown(balance, start, reference, size, points)
+        with np.errstate(all="ignore"):
+            options = {"xtol": 1e-13, "maxfev": _TRIES * (len(x) + 1)}
+            x = root(unknown.left_over, x, method="hybr", options=options).x
+            left = unknown.left_over(x)
+        if not (np.all(np.isfinite(left)) and np.abs(left).max() < enough and np.abs(x[:2]).max() < _AWAY):
+            return None
+    return unknown.oscillation(x)
 
 
 @final
 @dataclass(frozen=True, eq=False)
 class _Unknown:
-    """The unknowns of a balance as one vector, without units: (2 of s and the reference, others, rest, means)."""
+    """The unknowns of a balance as one vector, without units: (2 of s and the reference, others, rest, means).
+
+    points: of a period; 0: by the tables of a search.
+    """
 
     balance: Balance
     near: Oscillation
     reference: int
     size: float | None
-    rough: bool
+    points: int
 
     @property
     def others(self) -> list[int]:
@@ -257,10 +263,10 @@ class _Unknown:
     def left_over(self, x: RealArray) -> RealArray:
         found = self.oscillation(x)
         sines = Sines(found.mean[:, None], found.amplitude[:, None], np.array([found.s.imag]))
-        if self.rough:
+        if not self.points:
             mean, first = np.zeros((0, 1)), self.balance.roughly_made(sines.amplitude, sines.omega)
         else:
-            mean, first = self.balance.made(sines, FINE)
+            mean, first = self.balance.made(sines, self.points)
         size = abs(found.amplitude[self.reference])  # as it is now: nothing at all is no oscillation
         left = (self.balance.reached(np.array([found.s]))[0] @ first[:, 0] - found.amplitude) / size
         parts = [left.real, left.imag]

@@ -195,7 +195,7 @@ def _split(loop: Loop, element: Element, block: Continuous) -> tuple[Element, tu
             results[f"{element.name}@nonlinear{index}"] = rest
     used = sorted({k for own in arguments for k in own})
     read = {f"{element.name}@{found.names[k]}": k for k in used}
-    formula = ca.Function("piece", [found.variables[used]], [ca.vertcat(*results.values())])
+    formula = ca.Function("piece", [found.variables[used]], [ca.densify(ca.vertcat(*results.values()))])
     own_block = block if whole and not block.states and not element.modifiers else None
     part = NonlinearPart(_name(element), tuple(read), tuple(results), formula, own_block)
     return _linear(element, found, slopes, (results, read)), (part,)
