@@ -1,5 +1,6 @@
 """The stability map of a loop: over an extra delay, and a factor, a second delay or any number of the design."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from itertools import pairwise
 
@@ -25,6 +26,7 @@ from delaytools.signals.trouble import AnalysisError
 
 __all__ = ["loop_map"]
 
+TIME = "time"
 Array = NDArray[np.float64]
 
 
@@ -41,16 +43,22 @@ def loop_map(
     """Where the closed loop is stable over an extra delay (s, x) and one thing more (y).
 
     gains: a factor on the signal `at`. second: (port, range) of another extra delay in s. number: (path, range) of any
-    value of the design, a parameter that goes along the flight for one. Curves are closed forms in frequency, but over
-    a number, and in a sampled loop over a factor, rows of exact crossings joined. Sampled loops: exact over a factor on
-    a signal of the one rate; elsewhere the continuous approximation. Raises AnalysisError where not one is given.
+    value of the design, or ("time", range in s): moments of a run at which what depends on time stands still. Curves
+    are closed forms in frequency, but over a number, over time, and in a sampled loop over a factor, rows of exact
+    crossings joined. Sampled loops: exact over a factor on a signal of the one rate; elsewhere the continuous
+    approximation. Raises AnalysisError where not one is given.
     """
     given = [one for one in (gains, second, number) if one is not None]
     if len(given) != 1:
-        advice = "give a range of gains, a second delay or a number"
+        advice = "give a range of gains, a second delay, or of a number or time"
         raise AnalysisError("a map has one second parameter", found=f"{len(given)}", advice=advice)
     if number is not None:
-        return _over_number(loop, at, delay_at, delays, number)
+        path = number[0]
+
+        def loop_at(y: float) -> Loop:
+            return replace(loop, moment=y) if path == TIME else with_numbers(loop, {path: y})
+
+        return _over_rows(lambda y: open_loop(loop_at(y), at, delay_at), delays, number)
     opened = open_loop(loop, at, delay_at, second[0] if second else None)
     sampling = APPROXIMATE if opened.opened.samplers else "exact"
     if gains is not None and opened.opened.samplers and opened.exact_sampling:
@@ -68,16 +76,14 @@ def _opened(opened: OpenedLoop, chosen: tuple[int, int]) -> DelaySystem:
     return continuous_approximation(opened_at_transports(opened.closed_at(0.0), chosen))
 
 
-def _over_number(
-    loop: Loop, at: str, delay_at: str | None, delays: Span, number: tuple[str, Span]
-) -> StabilityMap:
-    """Rows of crossings in delay, one for each value of the number."""
-    path, values = number
+def _over_rows(opened_at: Callable[[float], OpenedLoop], delays: Span, along: tuple[str, Span]) -> StabilityMap:
+    """Rows of crossings in delay, one for each value of what goes along y."""
+    path, values = along
     checked(delays, values)
     seen: list[OpenedLoop] = []
 
     def row(value: float) -> Row:
-        opened = open_loop(with_numbers(loop, {path: value}), at, delay_at)
+        opened = opened_at(value)
         seen.append(opened)
         around = opened.around_extra()
         if curve_of(around).features.ceiling >= 1:

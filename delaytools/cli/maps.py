@@ -28,6 +28,9 @@ def stability_map(
         str | None,
         typer.Option("--number", metavar="PATH=FROM:TO", help="Along y: a value of the design, in SI units."),
     ] = None,
+    time: Annotated[
+        str | None, typer.Option("--time", metavar="FROM:TO", help="Along y: moments of the run, e.g. 0:20s.")
+    ] = None,
     at: At = None,
     delay_at: DelayAt = None,
     configuration: Configuration = None,
@@ -35,19 +38,24 @@ def stability_map(
     out: Annotated[str | None, typer.Option("--out", metavar="FILE", help="Draw it: .png, .svg or .pdf.")] = None,
     json: Json = None,
 ) -> None:
-    """Where the loop is stable over an extra delay and a gain, a second delay or any number of the design."""
-    from delaytools.analysis.loop_map import loop_map
+    """Where the loop is stable over an extra delay and a gain, a second delay, a number of the design, or time."""
+    from delaytools.analysis.loop_map import TIME, loop_map
 
     check_targets(json)
     loop, at, delay_at = opened_loop(design, configuration, at, delay_at, hold)
     port, path = _named(second_delay, "--second-delay"), _named(number, "--number")
+    along = None if path is None else (path[0], _span(gain_range(_with_count(path[1])), "--number"))
+    if time is not None:
+        if along is not None:
+            raise DelaytoolsError("a map has one second parameter", where="--time", advice="give --number or --time")
+        along = TIME, _times(time, "--time")
     found = loop_map(
-        loop, at, _span(delay_range(_with_count(delay)), "--delay"), delay_at=delay_at,
+        loop, at, _times(delay, "--delay"), delay_at=delay_at,
         gains=None if gain is None else _span(gain_range(_with_count(gain)), "--gain"),
-        second=None if port is None else (port[0], _span(delay_range(_with_count(port[1])), "--second-delay")),
-        number=None if path is None else (path[0], _span(gain_range(_with_count(path[1])), "--number")),
+        second=None if port is None else (port[0], _times(port[1], "--second-delay")),
+        number=along,
     )  # fmt: skip
-    named = f"factor on {at}" if gain is not None else f"delay at {port[0]}" if port else path[0] if path else ""
+    named = f"factor on {at}" if gain is not None else f"delay at {port[0]}" if port else along[0] if along else ""
     if out is not None:
         _draw(found, delay_at or at, named, out)
     if json != "-":
@@ -95,6 +103,7 @@ def _draw(found: Any, place: str, named: str, out: str) -> None:
     message = f"Stable in {100 * found.stable_share:.0f} % of the plane; sampling: {found.sampling}"
     stands = {"delay": (0.0, 0.0), "gain": (0.0, 1.0)}.get(found.names[1])
     inside = stands is not None and all(a <= v <= b for v, (a, b) in zip(stands, found.spans, strict=True))
+    y = AxisWords("Time (s)") if named == "time" else y
     x = AxisWords(f"Delay at {place} (ms)", 1e3)
     write_figure(draw_map(found, x, y, message, stands if inside else None), out)
 
@@ -106,6 +115,10 @@ def _shown(found: Any, axis: int, value: float) -> str:
 def _with_count(text: str) -> str:
     """FROM:TO as a range of two values; what else is there is left to be refused."""
     return f"{text}:2" if text.count(":") == 1 else text
+
+
+def _times(text: str, option: str) -> Span:
+    return _span(delay_range(_with_count(text), option), option)
 
 
 def _span(values: list[float] | None, option: str) -> Span:

@@ -30,11 +30,11 @@ def seconds(text: str, option: str) -> float:
         raise error.at(option) from error
 
 
-def delay_range(text: str | None) -> list[float] | None:
-    """Delays in s of "15ms" or of FROM:TO:COUNT such as "0:50ms:200"."""
+def delay_range(text: str | None, option: str = "--delay") -> list[float] | None:
+    """Times in s of "15ms" or of FROM:TO:COUNT such as "0:50ms:200"."""
     if text is None:
         return None
-    return _range(text, "--delay", lambda part: seconds(part, "--delay"))
+    return _range(text, option, lambda part: seconds(part, option))
 
 
 def gain_range(text: str | None) -> list[float] | None:

@@ -84,7 +84,7 @@ def formulas(
     quiet, without = without_amplitude_effects(resolve(loop, free))
     net = network(quiet)
     symbols = _symbols(net)
-    leaves = _leaves(symbols)
+    leaves = _leaves(symbols, quiet.moment)
     known = net.signals(leaves)
     chosen = tuple(outputs if outputs is not None else quiet.signals)
     for name in chosen:
@@ -145,9 +145,9 @@ def _symbols(net: Network) -> _Symbols:
     return _Symbols(x, v, w, e, states, held, transports, loop.externals)
 
 
-def _leaves(symbols: _Symbols) -> Leaves:
+def _leaves(symbols: _Symbols, moment: float) -> Leaves:
     return Leaves(
-        t=0.0,
+        t=moment,
         states={key: symbols.x[i] for i, key in enumerate(symbols.states)},
         held={key: symbols.v[i] for i, key in enumerate(symbols.held)},
         delayed={name: symbols.w[i] for i, name in enumerate(symbols.transports)},

@@ -66,7 +66,8 @@ class Loop:
     """Elements wired by signal names, with the named numbers that their values may use.
 
     parameters: name -> number or formula of other parameters. units: signal -> unit. frame: s.
-    random: signal -> kind of draw ("uniform"), for signals that the simulation draws from its seed.
+    random: signal -> kind of draw ("uniform"), for signals that the simulation draws from its seed. moment: s, at which
+    linear analysis takes what depends on time.
     """
 
     elements: tuple[Element, ...]
@@ -75,6 +76,7 @@ class Loop:
     frame: float = 1e-3
     title: str = ""
     random: Mapping[str, str] = field(default_factory=dict)
+    moment: float = 0.0
 
     def __getitem__(self, name: str) -> Element:
         for element in self.elements:

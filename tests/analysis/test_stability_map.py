@@ -142,6 +142,20 @@ def test_a_loop_over_delay_and_a_number() -> None:
         assert first.frequency[k] == pytest.approx(margin.phase_margin_frequency, rel=1e-8)
 
 
+def test_a_loop_over_delay_and_time() -> None:
+    """A gain that drifts by 5 % a second: after t s the loop is that of 1 + 0.05 t times the command."""
+    drift = '[[effects]]\ntype = "gain_drift"\nat = "autopilot.output"\nrate = 0.05\n'
+    loop = build(parse_design(BENCHES["continuous"] + drift))
+    found = loop_map(loop, "command", (0.0, 0.3), delay_at=PORT, number=("time", (0.0, 20.0)))
+    assert found.names == ("delay", "time")
+    (first, *_) = sorted(found.curves, key=lambda one: one.x[0])
+    for k in range(0, len(first.y), 20):
+        louder = _louder(build(parse_design(BENCHES["continuous"])), 1 + 0.05 * float(first.y[k]))
+        margin = loop_margins(louder, "command", [0.0], delay_at=PORT).margins[0]  # type: ignore[arg-type]
+        assert first.x[k] == pytest.approx(margin.delay_margin, rel=1e-8)
+    assert first.x[0] != pytest.approx(first.x[-1], rel=0.05)
+
+
 def test_rows_of_which_crossings_appear_are_halved() -> None:
     """A pair of crossings at ±√y about 1: a fold at y = 0."""
     asked: list[float] = []
