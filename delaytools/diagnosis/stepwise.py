@@ -28,12 +28,13 @@ def with_period_fitted(base: Base, one: Added, name: str = "period") -> Screened
     """The resampling with the whole number of rows up to about its period that takes most off.
 
     Where a segment integrates, the best one stands far above its neighbours: all are tried where that costs little.
+    After the deadline the best of those that were tried.
     """
     rows = one.values[name] / base.case.step
     best, way = Screened(one, 0.0), base.way(one.at)
     count = 1 if way is not None and way.is_quick else max(1, int(0.55 * rows))
     last = int(1.7 * rows) + 1
-    while count <= min(last, LONGEST):
+    while count <= min(last, LONGEST) and not base.case.is_late:
         moved = replace(
             one.moved({name: count * base.case.step}),
             held=frozenset({name}),
