@@ -1,4 +1,4 @@
-"""The stability map of a loop: over an extra delay, and a factor, a second delay or any number of the design."""
+"""The stability map of a loop: over an extra delay, and a factor, a second delay, any number or time."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -24,7 +24,7 @@ from delaytools.loop.loop import Loop
 from delaytools.loop.values import with_numbers
 from delaytools.signals.trouble import AnalysisError
 
-__all__ = ["loop_map"]
+__all__ = ["TIME", "loop_map"]
 
 TIME = "time"
 Array = NDArray[np.float64]
@@ -50,7 +50,7 @@ def loop_map(
     """
     given = [one for one in (gains, second, number) if one is not None]
     if len(given) != 1:
-        advice = "give a range of gains, a second delay, or of a number or time"
+        advice = "give a range of gains, of a second delay, of a number or of time"
         raise AnalysisError("a map has one second parameter", found=f"{len(given)}", advice=advice)
     if number is not None:
         path = number[0]

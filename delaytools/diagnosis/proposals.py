@@ -33,14 +33,14 @@ CLOSE = 1e-6  # of a fit beside what no derivative fits: ENOUGH must be far more
 TURNS, ENOUGH = 10, 1.0  # in which it is sought again, and χ² below which that is not worth another one
 
 
-def proposals(case: Case, fitted: Fitted, *, is_spare: bool = False) -> list[Screened]:
+def proposals(case: Case, fitted: Fitted, *, instead: bool = False) -> list[Screened]:
     """The shortlist of candidates beside what the hypothesis already holds, the most promising first.
 
-    is_spare: an effect is known already; after the deadline nothing is tried in its place. By runs of usual steps: what
-    a candidate changes hardly knows the error that both runs have.
+    instead: candidates in the place of an effect that is known; after the deadline none. By runs of usual steps: what a
+    candidate changes hardly knows the error that both runs have.
     """
     base = base_of(case if case.finer == 1 else replace(case, finer=1, _replays={}), fitted)
-    base = replace(base, is_spare=is_spare)
+    base = replace(base, instead=instead)
     return sharpened(base, shortlisted(_all(base)))
 
 

@@ -49,7 +49,7 @@ class Base:
     """A fitted hypothesis as seen by candidates: its residual with all that its free values can do projected out.
 
     basis (rows, k), orthonormal, of the values inside their bounds. stopped (rows, m): how the exits move, by the rest
-    of that, where a value that its bound stopped moves inside, each of norm 1. is_spare: an effect is known that does.
+    of that, where a value that its bound stopped moves inside, each of norm 1. instead: of an effect that is known.
     """
 
     case: Case
@@ -58,13 +58,13 @@ class Base:
     basis: Array
     residual: Array
     stopped: Array
-    is_spare: bool = False
+    instead: bool = False
     _ways: dict[str, Way | None] = field(default_factory=dict, repr=False)
 
     @property
     def is_late(self) -> bool:
         """Whether time is up for a further effect: stiff frictions make a screening last as long as a search."""
-        return self.case.is_late and (self.is_spare or bool(self.fitted.added))
+        return self.case.is_late and (self.instead or bool(self.fitted.added))
 
     @cached_property
     def view(self) -> View:

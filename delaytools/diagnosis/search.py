@@ -118,7 +118,7 @@ def _swapped(
         if without is None:  # unstable without it: nothing else can be tried in its place
             continue
         here = fitted.added[place].key
-        found = [one for one in proposals(case, without, is_spare=True)[:8] if one.added.key != here]
+        found = [one for one in proposals(case, without, instead=True)[:8] if one.added.key != here]
         hypotheses = [((*without.added, one.added), one.gain) for one in found]
         tried = fits(case, without, hypotheses, known=without.chi2 - fitted.chi2, further=True)
         held = {one.key: one.held for one in rest}

@@ -15,6 +15,8 @@ from delaytools.signals.trouble import AnalysisError, DesignError
 
 __all__ = ["Trim", "readers_at_rest", "trim"]
 
+_NOTHING = 1e-9  # in any unit: what solving leaves of a zero
+
 
 @final
 @dataclass(frozen=True)
@@ -33,8 +35,8 @@ class Trim:
 
     @property
     def is_off_zero(self) -> bool:
-        """Whether anything is not zero here."""
-        return any(self.signals.values())
+        """Whether anything is not zero here, but for what solving leaves."""
+        return any(abs(value) > _NOTHING for value in self.signals.values())
 
 
 def trim(

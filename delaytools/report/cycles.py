@@ -12,7 +12,7 @@ from delaytools.analysis.limit_cycles import LimitCycle, LimitCycles, limit_cycl
 from delaytools.report.cases import Asked
 from delaytools.report.delay_curves import DelayCurve, Family
 
-__all__ = ["CycleCurve", "CycleLine", "cycle_curve"]
+__all__ = ["CycleCurve", "CycleLine", "cycle_curve", "kind_of"]
 
 POINTS = 25
 NEAR = np.array([0.25, 3.0])  # in the logarithms of frequency and amplitude: the same cycle one delay further
@@ -32,9 +32,10 @@ class CycleLine:
 @final
 @dataclass(frozen=True)
 class CycleCurve:
-    """lines: predicted over the delays. present: (configuration, its delay in s, its cycles, checked by simulation).
+    """lines: predicted over the delays, of cycles that last or part.
 
-    lost: the delays, in s, at which the loop without what depends on amplitude becomes unstable.
+    present: (configuration, its delay in s, its cycles, checked by simulation). lost: the delays, in s, at which the
+    loop without what depends on amplitude becomes unstable.
     """
 
     family: Family
@@ -56,12 +57,19 @@ def cycle_curve(curve: DelayCurve, asked: Asked, span: tuple[float, float]) -> C
     if nonlinear:
         delays = np.unique([*np.linspace(*span, POINTS), *(tau for _, tau, _ in present)]).tolist()
         found = limit_cycles(loop, asked.at, delays, delay_at=asked.delay_at, check=False)
-        lines = tuple(_lines(found.cycles, delays))
+        lines = tuple(_lines([one for one in found.cycles if kind_of(one) != "neither"], delays))
     lost = tuple(high for _, high in curve.stable if high < span[1])
     return CycleCurve(curve.family, nonlinear, lines, present, lost)
 
 
-def _lines(cycles: tuple[LimitCycle, ...], delays: Sequence[float]) -> Iterator[CycleLine]:
+def kind_of(one: LimitCycle) -> str:
+    """ "lasts"; "parts": what is smaller dies out, what is larger grows; "neither": left by another motion."""
+    if one.stable:
+        return "lasts"
+    return "parts" if one.growth > 0 else "neither"
+
+
+def _lines(cycles: Sequence[LimitCycle], delays: Sequence[float]) -> Iterator[CycleLine]:
     """Cycles of neighbouring delays joined to the nearest in frequency and amplitude."""
     chains: list[list[LimitCycle]] = []
     for before, tau in itertools.pairwise([np.nan, *delays]):

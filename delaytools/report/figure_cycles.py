@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-from delaytools.report.cycles import CycleCurve
+from delaytools.report.cycles import CycleCurve, kind_of
 from delaytools.report.style import GREY, INK, axes_of, in_style, new_figure, title
 
 __all__ = ["draw_cycles"]
@@ -57,7 +57,7 @@ def _lines(panels: list[Axes], curve: CycleCurve, colour: str) -> None:
 
 def _present(panels: list[Axes], curve: CycleCurve, look: Mapping[str, str]) -> None:
     for name, delay, found in curve.present:
-        for one in found.cycles:
+        for one in (one for one in found.cycles if kind_of(one) != "neither"):
             for panel, y in zip(panels, (one.amplitude, one.frequency), strict=True):
                 panel.plot(
                     delay * 1e3, y, "o", ms=7, mec=look[name], mew=1.4, zorder=4,
@@ -79,7 +79,9 @@ def _legend(figure: Figure, curves: tuple[CycleCurve, ...], look: Mapping[str, s
         Line2D([], [], color=GREY, ls=style, label=label)
         for style, label, lasts in words if any(one.lasts == lasts for one in every)
     ]  # fmt: skip
-    here = [one for curve in curves for _, _, found in curve.present for one in found.cycles]
+    here = [
+        one for curve in curves for _, _, found in curve.present for one in found.cycles if kind_of(one) != "neither"
+    ]
     if here:
         handles.append(Line2D([], [], color=GREY, ls="", marker="o", mfc="white", label="a configuration as it stands"))
     if any(one.check is not None and np.isfinite(one.check.amplitude) for one in here):

@@ -81,7 +81,7 @@ def test_after_the_deadline_only_a_first_effect_is_still_sought() -> None:
     first, beside = fitted(case), fitted(case, leak)
     assert proposals(late, first)[0].added.key == proposals(case, first)[0].added.key
     assert proposals(case, beside) and proposals(late, beside) == []
-    assert proposals(case, first, is_spare=True) and proposals(late, first, is_spare=True) == []
+    assert proposals(case, first, instead=True) and proposals(late, first, instead=True) == []
 
 
 def test_a_fit_says_what_one_more_step_would_take_off() -> None:

@@ -61,8 +61,8 @@ def test_the_chapter_says_what_lasts_and_what_grows(piece: str) -> None:
     effect = f'\n[[effects]]\nat = "axis.input"\n{PIECES[piece]}\n'
     section = cycles_section(gather(parse_design(SERVO + effect + REST, "servo.toml"), lambda _: None))
     (row,) = section.tables[0].rows
-    assert row[0] == "lost" and row[4] == ("yes" if piece == "limit" else "no")
-    words = "lost oscillates by itself: ±" if piece == "limit" else "lost is safe up to ±"
+    assert row[0] == "lost" and row[4] == ("lasts" if piece == "limit" else "parts")
+    words = "lost oscillates, rate by ±" if piece == "limit" else "In lost a swing of rate dies out below ±"
     assert words in section.lead and row[2] in section.lead
     assert [figure.name for figure in section.figures] == ["cycles"]
 
@@ -78,6 +78,15 @@ def test_cycles_are_joined_to_the_nearest_and_never_over_a_gap() -> None:
     parting = [cycle(tau, 0.9, 5.0, False) for tau in delays]
     found = list(_lines((*lasting, *slow, *parting), delays))
     assert sorted((len(line.delays), line.lasts) for line in found) == [(1, True), (2, True), (4, False), (4, True)]
+
+
+def test_cycles_that_another_motion_leaves_part_nothing() -> None:
+    """A relay's faster cycles: from below and from above the loop goes to the slow one."""
+    relay = SERVO.replace('type = "gain"\ninput', 'type = "relay"\nlevel = 1.0\ninput')
+    section = cycles_section(gather(parse_design(relay + REST, "servo.toml"), lambda _: None))
+    kinds = {row[4] for row in section.tables[0].rows}
+    assert kinds == {"lasts", "neither"} and "dies out" not in section.lead
+    assert "oscillates, rate by ±" in section.lead
 
 
 def test_lines_that_last_are_full_and_the_others_dashed() -> None:
