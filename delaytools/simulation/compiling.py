@@ -46,12 +46,14 @@ class Pace:
 
     holding: times that |λ| h where each frame has its own number: what friction holds creeps. by_frame: (frames + 1,)
     steps of each frame from which the search for them begins: those of a loop that goes nearly where this one goes.
+    most: steps of a frame, where each has its own number.
     """
 
     stiffness: float = STIFFNESS
     finer: int = 1
     holding: float = 1.0
     by_frame: NDArray[np.int64] | None = None
+    most: int = MOST
 
 
 USUAL = Pace()
@@ -91,7 +93,7 @@ def compile_loop(
     if substeps is None and not model.layout.transports and bends(numeric):
         begun = pace.by_frame if pace.by_frame is not None and len(pace.by_frame) == frames + 1 else None
         own = partial(made, numeric, short=True)
-        needed = _needed(own, replace(timing, by_frame=begun), pace.holding * pace.stiffness)
+        needed = _needed(own, replace(timing, by_frame=begun), pace)
     if needed is not None:
         uneven = needed.max() >= WORTH_IT * needed.mean()
         timing = replace(timing, by_frame=needed) if uneven else replace(timing, substeps=int(needed.max()))
@@ -120,17 +122,17 @@ def moved(compiled: Compiled, values: tuple[float, ...]) -> Compiled | None:
     return replace(compiled, call=other, timing=timing, _sampled=compiled._sampled if same else {})
 
 
-def _needed(made: Callable[[Timing], Compiled], timing: Timing, stiffness: float) -> NDArray[np.int64] | None:
+def _needed(made: Callable[[Timing], Compiled], timing: Timing, pace: Pace) -> NDArray[np.int64] | None:
     """(frames + 1,) as many steps in every frame as a run that has them asks for; None where it diverges.
 
     Where nothing is known the first run has one step in every frame: too few where it is stiff, but not far off.
     """
     needed = np.ones(1, dtype=np.int64) if timing.by_frame is None else timing.by_frame
     for _ in range(ROUNDS):
-        met = steps_needed(made(replace(timing, by_frame=needed)), stiffness)
+        met = steps_needed(made(replace(timing, by_frame=needed)), pace.holding * pace.stiffness)
         if not np.isfinite(met).all():
             return None
-        met = np.minimum(met, MOST).astype(np.int64)
+        met = np.minimum(met, pace.most).astype(np.int64)
         found = maximum_filter1d(met, 2 * BESIDE + 1)
         if (met <= needed).all():
             return needed if len(needed) == len(found) and needed.sum() <= ALIKE * found.sum() else found

@@ -23,6 +23,7 @@ from delaytools.simulation.anew import Anew
 from delaytools.simulation.compiling import Pace, compile_loop, moved
 from delaytools.simulation.run import Compiled, run
 from delaytools.simulation.sensitivity import run_with_derivatives
+from delaytools.simulation.timing import MOST
 
 __all__ = ["Begin", "Replay", "driven_by"]
 
@@ -262,12 +263,17 @@ class Replay:
         duration = self.frame * math.ceil(float(self.time[-1]) / self.frame - EVEN)
         compiled = compile_loop(
             replace(loop, frame=self.frame), self.stimuli, duration=duration, free=self._paths,
-            substeps=self.substeps, pace=Pace(STIFF, self.finer, HOLDING, self.steps.get(LAST)),
+            substeps=self.substeps, pace=Pace(STIFF, self.finer, HOLDING, self.steps.get(LAST), self._most_steps),
             short=any(row for row, _ in self.begins) or len(self.time) < BRIEF,
         )  # fmt: skip
         if compiled.by_frame is not None:
             self.steps[LAST] = compiled.by_frame
         return compiled
+
+    @property
+    def _most_steps(self) -> int:
+        """Of a frame, where each has its own number: as many in a row as a frame may have, however fine frames are."""
+        return max(1, math.ceil(MOST * min(1.0, self.frame / self._row_step))) if self._row_step else MOST
 
     def _key(self, path: str, number: float) -> Any:
         if path in self._stiff_paths:

@@ -8,7 +8,8 @@ import pytest
 from delaytools.design.build import build
 from delaytools.design.design import parse_design
 from delaytools.signals.record import Record
-from delaytools.simulation.replay import Replay, driven_by
+from delaytools.simulation.replay import LAST, Replay, driven_by
+from delaytools.simulation.timing import MOST
 
 ROUNDED = """
 frame = "1 ms"
@@ -63,3 +64,16 @@ def test_friction_by_load_gets_steps_for_the_load_that_the_run_brings() -> None:
     found, finest = replay(RUBBING).run(), replay(RUBBING, substeps=100).run()
     coarse = replay(RUBBING, substeps=1).run()
     assert float(np.std(found - finest)) < 1e-4 * float(np.std(finest)) < float(np.std(coarse - finest))
+
+
+def test_finer_frames_ask_for_no_more_steps_of_a_row() -> None:
+    """A quantiser makes eight frames of a row, and friction this stiff asks for as many steps as a frame may have."""
+    stiff = RUBBING.replace("load_dependent_friction", "coulomb_friction").replace("coefficient = 0.6", "level = 2e3")
+    stiff = stiff.replace("smoothing = 0.5", "smoothing = 0.01")
+    coarse = '[[effects]]\ntype = "quantization"\nat = "actuator.input"\nstep = 0.4\n'
+    alone, rounded = replay(stiff), replay(stiff + coarse)
+    assert rounded.frame < 0.2 * alone.frame
+    for one in (alone, rounded):
+        one.run()
+    assert alone.steps[LAST].max() == MOST
+    assert MOST <= rounded.steps[LAST].max() * alone.frame / rounded.frame < 1.1 * MOST
