@@ -102,10 +102,12 @@ def fit_hypothesis(
     memory: dict[tuple[float, ...], tuple[Array, Array]] = {}
 
     def both(x: Array) -> tuple[Array, Array]:
+        nonlocal memory
         key = tuple(x)
         if key not in memory:
-            if len(memory) > 3:
-                memory.clear()
+            if len(memory) > 3:  # the best one is where the next step begins, and may be where the fit ends
+                best = min(memory, key=lambda one: float(np.sum(memory[one][0] ** 2)))
+                memory = {best: memory[best]}
             memory[key] = _evaluated(case, added, key, nearly)
         return memory[key]
 

@@ -16,7 +16,7 @@ from delaytools.diagnosis.case import Case
 from delaytools.diagnosis.fitting import Fitted
 from delaytools.diagnosis.pushes import forces_on
 from delaytools.diagnosis.quantities import neutral_value
-from delaytools.diagnosis.starts import GRID, LINEAR, Candidate
+from delaytools.diagnosis.starts import GRID, LINEAR, SMALL, Candidate
 from delaytools.diagnosis.views import View, case_view
 from delaytools.diagnosis.wire_changes import change_at
 from delaytools.diagnosis.wires import Way, own_way, way_of
@@ -26,7 +26,8 @@ from delaytools.signals.trouble import DelaytoolsError
 __all__ = ["STRETCH", "Base", "Screened", "base_of", "response", "response_instead", "screened"]
 
 Array = NDArray[np.float64]
-STIFFEST = 10.0  # level over smoothing, in 1/row, beyond which friction is not resolved
+STIFFEST = 10.0  # force over smoothing, in 1/row, beyond which friction is not resolved
+HELD = 0.7  # of its load: a friction that resists more hardly ever lets go, and no fit begins there
 STEPWISE = ("period",)  # values that change nothing between rows
 CLOSER, HALVINGS = 0.1, 3  # of the best worth that is looked at more closely, and how often
 NEARBY = 0.01  # of a block's value: a step from which what is off by far less than a grid's is found along a line
@@ -264,9 +265,12 @@ def _scaled(base: Base, one: Added, amplitude: str) -> Screened | None:
     best = neutral + scale * (start - neutral)
     if gain <= 0 or not spec.allows(best):
         return None
+    if one.kind == "load_dependent_friction" and "load" not in one.fixed:
+        best = min(best, HELD)
     factor = {amplitude: best, **{n: v * scale for n, v in one.values.items() if n in ("stiction",)}}
     moved = one.moved(factor)
     if "smoothing" not in one.values:
         return Screened(moved, gain)
-    moved = _not_too_stiff(moved, best * base.case.step / STIFFEST)
+    force = SMALL * base.view.derivative(find_port(base.case.segment.loop, one.at)) * best / start  # it began at SMALL
+    moved = _not_too_stiff(moved, force * base.case.step / STIFFEST)
     return Screened(moved, max(_taken_off(base, moved, *STRETCH)[0], 0.5 * gain))

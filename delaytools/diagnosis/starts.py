@@ -13,7 +13,7 @@ from delaytools.diagnosis.views import View
 from delaytools.loop.port import Port
 from delaytools.loop.values import value_paths
 
-__all__ = ["GRID", "LINEAR", "Candidate", "candidates", "smoothing_of"]
+__all__ = ["GRID", "LINEAR", "SMALL", "Candidate", "candidates", "smoothing_of"]
 
 LATENESS = (0.3, 0.7, 1.5, 3.0, 5.0, 8.0, 12.0, 17.0, 24.0, 34.0, 48.0)  # rows of the log
 WIDTHS = (0.004, 0.015, 0.05, 0.12, 0.25, 0.5, 0.8)  # of the signal's spread

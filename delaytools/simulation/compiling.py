@@ -44,7 +44,7 @@ ROUNDS = 4  # runs in which the steps that each frame needs are found
 class Pace:
     """How long steps are: so that no |λ| h is above `stiffness`, and `finer` times shorter than that.
 
-    holding: times that |λ| h where each frame has its own number: what friction holds creeps. by_frame: (frames + 1,)
+    holding: times that |λ| h where friction makes a loop stiff at rest: what it holds creeps. by_frame: (frames + 1,)
     steps of each frame from which the search for them begins: those of a loop that goes nearly where this one goes.
     most: steps of a frame, where each has its own number.
     """
@@ -81,7 +81,10 @@ def compile_loop(
     jumps = {name: np.asarray(stimuli[name].jumps) for name in model.layout.externals if name in stimuli}
     delays = {name: column for name in model.layout.transports if (column := _column(model, name, stimuli))}
     wakes = _wakes(numeric, stimuli, loop.frame)
-    timing = timing_of(numeric, jumps, substeps=substeps, stiffness=pace.stiffness, delays=delays, wakes=wakes)
+    friction = pace.holding if model.layout.transports and bends(numeric) else 1.0  # stiffest at rest, where runs begin
+    timing = timing_of(
+        numeric, jumps, substeps=substeps, stiffness=friction * pace.stiffness, delays=delays, wakes=wakes
+    )
     frames = round(duration / loop.frame)
 
     def made(model: Physics, timing: Timing, short: bool = short) -> Compiled:
@@ -103,23 +106,29 @@ def compile_loop(
     return replace(made(model, timing.finer(pace.finer)), by_frame=timing.by_frame)
 
 
-def moved(compiled: Compiled, values: tuple[float, ...]) -> Compiled | None:
+def moved(
+    compiled: Compiled, values: tuple[float, ...], stimuli: Mapping[str, Stimulus] | None = None
+) -> Compiled | None:
     """The loop ready to run with other constant delays and times of jumps, nothing compiled anew; None where its calls
     do not fit them.
 
-    values: of the free paths; what shapes the grid otherwise is as it was.
+    values: of the free paths; what shapes the grid otherwise is as it was. stimuli: others of the same kind, which may
+    jump at other times.
     """
+    driven = {**compiled.stimuli, **(stimuli or {})}
     call, end = compiled.call, (compiled.frames + 1) * compiled.frame
     seconds = call.once("seconds", lambda: delays_of(compiled.model))(np.asarray(values, dtype=float))
     times = call.once("jumps", lambda: jumps_of(compiled.model))(np.asarray(values, dtype=float))
     timing = with_delays(compiled.timing, np.asarray(seconds).ravel())
     timing = with_jumps(timing, compiled.model, np.asarray(times).ravel())
+    given = {name: np.asarray(driven[name].jumps) for name in timing.jumps if name in driven}
+    timing = replace(timing, jumps={**timing.jumps, **given})
     other = moved_repeating(call, timing) if call.copies else moved_data(call, compiled.model, timing, end)
     if other is None:
         return None
     start, last = other.grid.start, call.grid.start
     same = len(start) == len(last) and bool(np.abs(start - last).max() < 1e-9 * compiled.frame)
-    return replace(compiled, call=other, timing=timing, _sampled=compiled._sampled if same else {})
+    return replace(compiled, call=other, timing=timing, stimuli=driven, _sampled=compiled._sampled if same else {})
 
 
 def _needed(made: Callable[[Timing], Compiled], timing: Timing, pace: Pace) -> NDArray[np.int64] | None:

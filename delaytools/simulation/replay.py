@@ -21,6 +21,7 @@ from delaytools.signals.stimulus import Column, Stimulus
 from delaytools.signals.trouble import AnalysisError
 from delaytools.simulation.anew import Anew
 from delaytools.simulation.compiling import Pace, compile_loop, moved
+from delaytools.simulation.delayed_columns import delayed_columns, driven_late, without
 from delaytools.simulation.run import Compiled, run
 from delaytools.simulation.sensitivity import run_with_derivatives
 from delaytools.simulation.timing import MOST
@@ -103,7 +104,8 @@ class Replay:
     def _is_held(self, element: Element) -> bool:
         """Whether what enters a block is constant between ticks or rows."""
         held = network(resolve(self.loop)).held_signals
-        held |= {name for name, one in self.stimuli.items() if isinstance(one, Column) and one.held}
+        given = driven_late(self.stimuli, self._late, dict.fromkeys((e.name for e in self._late), 0.0))
+        held |= {name for name, one in given.items() if isinstance(one, Column) and one.held}
         names = {name for x in element.inputs.values() for name in x.names}
         return names - set(self.loop.parameters) <= held
 
@@ -124,7 +126,8 @@ class Replay:
     def run_driven(self, values: tuple[float, ...], stimuli: Mapping[str, Stimulus]) -> Array:
         """The run with other stimuli in the place of some, of the same kind: nothing is compiled anew."""
         compiled, chosen, _ = self._ready(values)
-        driven = replace(compiled, stimuli={**compiled.stimuli, **stimuli})
+        late = driven_late({**self.stimuli, **stimuli}, self._late, self._lateness(self._numbers(values)))
+        driven = replace(compiled, stimuli={**compiled.stimuli, **late})
         return self._rows(compiled, run(driven, chosen, self._anew)[1])
 
     def starts(self, values: tuple[float, ...]) -> tuple[Key, ...]:
@@ -225,12 +228,30 @@ class Replay:
 
         Values that shape the grid are numbers, but for times of jumps and constant delays; one of 0 is a wire.
         """
-        every = (*values, *(number for _, number in self.bound))
+        every = tuple(self._numbers(values).values())
         shaping = self._shaping_among(self._paths)
         fixed = [k for k in shaping if not self._moves(self._paths[k], every[k])]
         kept = [index for index in range(len(every)) if index not in fixed]
-        chosen, by = tuple(every[k] for k in kept), [kept.index(k) for k in kept if k not in shaping]
-        return self._without_grid(every, fixed, kept)._prepared(chosen), chosen, by
+        compiled = self._without_grid(every, fixed, kept)._prepared(tuple(every[k] for k in kept))
+        kept = [k for k in kept if self._paths[k] not in self._late_paths]
+        return compiled, tuple(every[k] for k in kept), [kept.index(k) for k in kept if k not in shaping]
+
+    @cached_property
+    def _late(self) -> tuple[Element, ...]:
+        """Delays of columns, which need no history."""
+        return delayed_columns(self.loop, self.stimuli)
+
+    @cached_property
+    def _late_paths(self) -> frozenset[str]:
+        return frozenset(f"{e.path}.delay" for e in self._late)
+
+    def _lateness(self, numbers: Mapping[str, float]) -> dict[str, float]:
+        """Seconds of each delay of a column, for these values of the paths."""
+        return {e.name: numbers.get(f"{e.path}.delay", e.block.delay) for e in self._late}
+
+    def _numbers(self, values: tuple[float, ...]) -> dict[str, float]:
+        """Every value that a run takes, by path."""
+        return dict(zip(self.free, values, strict=True)) | dict(self.bound)
 
     @property
     def _paths(self) -> tuple[str, ...]:
@@ -239,7 +260,7 @@ class Replay:
 
     def _moves(self, path: str, value: float) -> bool:
         """Whether a value that shapes the grid may move it without a new step."""
-        return path in self._jump_paths or (path in self._delay_paths and value > 0)
+        return path in self._jump_paths or path in self._late_paths or (path in self._delay_paths and value > 0)
 
     def _prepared(self, values: tuple[float, ...]) -> Compiled:
         numbers = dict(zip(self._paths, values, strict=True))
@@ -247,22 +268,26 @@ class Replay:
         moving = self._delay_paths | self._jump_paths
         shape = tuple(number for path, number in numbers.items() if path in moving)
         if (rest, shape) not in self._compiled:
-            found = self._moved(rest, values) if shape else None
+            found = self._moved(rest, numbers) if shape else None
             if len(self._compiled) > KEPT:
                 del self._compiled[next(iter(self._compiled))]
             self._compiled[rest, shape] = found or self._anew_compiled(numbers)
         return self._compiled[rest, shape]
 
-    def _moved(self, rest: Any, values: tuple[float, ...]) -> Compiled | None:
+    def _moved(self, rest: Any, numbers: Mapping[str, float]) -> Compiled | None:
         """One that was compiled for other delays and jumps, the last first, where it fits these as well."""
         alike = [one for (other, _), one in self._compiled.items() if other == rest]
-        return next((one for last in reversed(alike) if (one := moved(last, values)) is not None), None)
+        values = tuple(number for path, number in numbers.items() if path not in self._late_paths)
+        late = driven_late(self.stimuli, self._late, self._lateness(numbers))
+        return next((one for last in reversed(alike) if (one := moved(last, values, late)) is not None), None)
 
     def _anew_compiled(self, numbers: Mapping[str, float]) -> Compiled:
         loop = with_numbers(self.loop, numbers) if numbers else self.loop
+        stimuli = driven_late(self.stimuli, self._late, self._lateness(numbers))
         duration = self.frame * math.ceil(float(self.time[-1]) / self.frame - EVEN)
         compiled = compile_loop(
-            replace(loop, frame=self.frame), self.stimuli, duration=duration, free=self._paths,
+            replace(without(loop, self._late), frame=self.frame), stimuli, duration=duration,
+            free=tuple(path for path in self._paths if path not in self._late_paths),
             substeps=self.substeps, pace=Pace(STIFF, self.finer, HOLDING, self.steps.get(LAST), self._most_steps),
             short=any(row for row, _ in self.begins) or len(self.time) < BRIEF,
         )  # fmt: skip
