@@ -1,7 +1,7 @@
 """A hypothesis fitted to a case: effects and tolerated values together, by least squares on whitened residuals."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 from typing import final
 
 import numpy as np
@@ -19,6 +19,7 @@ TOLERANCE = 1e-7
 ROUGH = 1e-5
 STOPPED = 1e-3  # of the range between its bounds, from either: there a value is taken to be stopped
 STEPS = 24  # evaluations of a fit
+REMEMBERED = 3  # of them, beside the last
 
 
 @final
@@ -99,23 +100,12 @@ def fit_hypothesis(
     if case.is_late and near is not None and near.added == added and [p.path for p in start] == list(known):
         rows = _evaluated(case, added, tuple(p.value for p in start))
         return Fitted(added, tuple(replace(p, std=known[p.path].std) for p in start), *rows, is_settled=False)
-    memory: dict[tuple[float, ...], tuple[Array, Array]] = {}
-
-    def both(x: Array) -> tuple[Array, Array]:
-        nonlocal memory
-        key = tuple(x)
-        if key not in memory:
-            if len(memory) > 3:  # the best one is where the next step begins, and may be where the fit ends
-                best = min(memory, key=lambda one: float(np.sum(memory[one][0] ** 2)))
-                memory = {best: memory[best]}
-            memory[key] = _evaluated(case, added, key, nearly)
-        return memory[key]
+    both = _Remembered(lambda key: _evaluated(case, added, key, nearly))
 
     def residual(x: Array) -> Array:
-        key = tuple(x)
-        if nearly or key in memory:
+        if nearly or tuple(x) in both.known:
             return both(x)[0]
-        rows = case.residual(case.outputs(added, key))
+        rows = case.residual(case.outputs(added, tuple(x)))
         return case.without_odd_rows(rows) if has_odd_rows(case, added) else rows
 
     found = estimate(
@@ -125,6 +115,26 @@ def fit_hypothesis(
     rows = both(np.array([p.value for p in found.parameters]))
     parameters = _with_ends_open(_as_told(case, added, found.parameters, rows), *rows)
     return Fitted(placed(added, parameters), parameters, *rows, found.success)
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class _Remembered:
+    """Residual and derivatives at values; the last few are kept, and the best: where a step begins, or all ends."""
+
+    evaluate: Callable[[tuple[float, ...]], tuple[Array, Array]]
+    known: dict[tuple[float, ...], tuple[Array, Array]] = field(default_factory=dict)
+
+    def __call__(self, x: Array) -> tuple[Array, Array]:
+        key = tuple(x)
+        if key not in self.known:
+            if len(self.known) > REMEMBERED:
+                with np.errstate(over="ignore"):  # a run that ran away
+                    best = min(self.known, key=lambda one: float(self.known[one][0] @ self.known[one][0]))
+                for one in self.known.keys() - {best}:
+                    del self.known[one]
+            self.known[key] = self.evaluate(key)
+        return self.known[key]
 
 
 def _as_told(
