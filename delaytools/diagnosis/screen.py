@@ -120,7 +120,7 @@ def _within(square: Array, along: Array, low: Array, high: Array) -> Array:
     best, free = low.copy(), low < high
     left = along[free] - square[np.ix_(free, ~free)] @ low[~free]
     root = np.linalg.cholesky(square[np.ix_(free, free)] + RIDGE * np.eye(int(free.sum())))
-    best[free] = lsq_linear(root.T, np.linalg.solve(root, left), (low[free], high[free])).x
+    best[free] = lsq_linear(root.T, np.linalg.solve(root, left), (low[free], high[free]), method="bvls").x
     return best
 
 
