@@ -242,6 +242,7 @@ def _clean(
                 moved[log][exit] = report.directions[log][:, j]
 
 
+@np.errstate(over="ignore", invalid="ignore")  # hypotheses run away: whoever reads them asks what is finite
 def _work(task: _Task) -> SegmentReport:
     loop = build(task.design, task.configuration)
     parts = segments(loop, set(task.records[0].names))
