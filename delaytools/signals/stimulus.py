@@ -3,7 +3,7 @@
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import final
 
@@ -32,6 +32,7 @@ __all__ = [
 Array = NDArray[np.float64]
 NEAREST, JUMP = 3, 6.0  # slopes on either side, and how many times the largest of them a jump is
 ROUNDING = 1e-6  # of the largest slope: smaller ones are none
+JUST_BEFORE = -1e-9  # s: here a signal has the value that it keeps before t = 0
 
 
 class Stimulus(ABC):
@@ -45,6 +46,26 @@ class Stimulus(ABC):
     @abstractmethod
     def jumps(self) -> tuple[float, ...]:
         """Times (s) at which the value jumps."""
+
+    def late(self, seconds: float) -> "Stimulus":
+        """The same signal so many seconds later, and until then what it was before t = 0."""
+        return _Late(self, seconds)
+
+
+@final
+@dataclass(frozen=True)
+class _Late(Stimulus):
+    """A signal some seconds later."""
+
+    original: Stimulus
+    seconds: float
+
+    @property
+    def jumps(self) -> tuple[float, ...]:
+        return tuple(t + self.seconds for t in self.original.jumps)
+
+    def value(self, t: Array) -> Array:
+        return self.original.value(np.maximum(t - self.seconds, JUST_BEFORE))
 
 
 @final
@@ -265,6 +286,9 @@ class Column(Stimulus):
     held: bool = False
     before: float | None = None
     smooth: bool = False
+
+    def late(self, seconds: float) -> "Column":
+        return replace(self, time=self.time + seconds)
 
     @cached_property
     def _spline(self) -> PPoly:

@@ -38,7 +38,5 @@ def driven_late(
     """The stimuli and what these elements write of them; seconds: element -> s."""
     found = dict(stimuli)
     for element in elements:
-        column = found[element.inputs["input"].text]
-        assert isinstance(column, Column)
-        found[element.outputs["output"]] = replace(column, time=column.time + seconds[element.name])
+        found[element.outputs["output"]] = found[element.inputs["input"].text].late(seconds[element.name])
     return found

@@ -8,7 +8,7 @@ import pytest
 from delaytools.design.build import build
 from delaytools.design.design import parse_design
 from delaytools.signals.record import Record
-from delaytools.signals.stimulus import Column
+from delaytools.signals.stimulus import Column, Sine
 from delaytools.simulation import replay as module
 from delaytools.simulation.replay import Replay, driven_by
 
@@ -92,3 +92,6 @@ def test_other_rows_in_the_place_of_a_delayed_column_are_delayed_as_well() -> No
     values = (5.13e-3, 0.6)
     assert np.abs(one.run_driven(values, driven) - other.run(values)).max() < 1e-12 * np.abs(other.run(values)).max()
     assert not np.allclose(one.run(values), other.run(values))
+    wave = {"command": Sine(amplitude=2.0, frequency=3.0)}
+    truth = Replay(one.loop, wave, TIME, ("position",), FREE, (), 8).run(values)
+    assert np.abs(replay("", held=True, substeps=8).run_driven(values, wave) - truth).max() < 1e-6 * np.abs(truth).max()
