@@ -27,6 +27,7 @@ __all__ = ["STRETCH", "Base", "Screened", "base_of", "response", "response_inste
 
 Array = NDArray[np.float64]
 STIFFEST = 10.0  # force over smoothing, in 1/row, beyond which friction is not resolved
+SOFTLY = 3.0  # times the narrowest smoothing: where fits of friction begin
 HELD = 0.7  # of its load: a friction that resists more hardly ever lets go, and no fit begins there
 STEPWISE = ("period",)  # values that change nothing between rows
 CLOSER, HALVINGS = 0.1, 3  # of the best worth that is looked at more closely, and how often
@@ -250,11 +251,12 @@ def _between(base: Base, candidate: Candidate, best: Screened) -> Screened:
 
 
 def _not_too_stiff(one: Added, narrowest: float) -> Added:
-    """Friction whose smoothing stays wide enough for a few steps per row."""
+    """Friction whose smoothing stays wide enough for a few steps per row, and begins wider: far from the truth a stiff
+    one, above all with stiction, makes χ² jump from value to value."""
     low, high = one.limits.get("smoothing", (0.0, np.inf))
     low = max(low, narrowest)
-    limits = {**one.limits, "smoothing": (low, max(high, 2 * low))}
-    return replace(one.moved({"smoothing": max(one.values["smoothing"], low)}), limits=limits)
+    limits = {**one.limits, "smoothing": (low, max(high, 2 * SOFTLY * low))}
+    return replace(one.moved({"smoothing": max(one.values["smoothing"], SOFTLY * narrowest)}), limits=limits)
 
 
 def _scaled(base: Base, one: Added, amplitude: str) -> Screened | None:

@@ -18,6 +18,7 @@ __all__ = ["Estimate", "effective_number", "estimate"]
 RealArray = NDArray[np.float64]
 Residual = Callable[[RealArray], RealArray]
 _AT_END = 1e-6  # of a parameter's scale: nearer to a bound than this counts as on it
+_INSIDE = 1e-9  # of a value: how far inside its bounds a search begins
 
 
 @final
@@ -95,10 +96,11 @@ def estimate(
         if enough is not None and enough():
             raise StopIteration
 
-    _check(residual(base), len(free))
     bounds = tuple(np.array([getattr(p, name) for p in start])[free] / scale[free] for name in ("low", "high"))
+    begin = _just_inside(base[free] / scale[free], *bounds)
+    _check(residual(whole(begin)), len(free))
     found = optimize.least_squares(
-        lambda z: residual(whole(z)), np.clip(base[free] / scale[free], *bounds), bounds=bounds,
+        lambda z: residual(whole(z)), begin, bounds=bounds,
         jac=scaled_jacobian if jacobian is not None else "3-point", xtol=tolerance, ftol=tolerance, gtol=tolerance,
         max_nfev=evaluations, callback=stop,
     )  # fmt: skip
@@ -122,6 +124,12 @@ def effective_number(residuals: RealArray) -> float:
     pairs = rho[: len(rho) // 2 * 2].reshape(-1, 2).sum(axis=1)
     stop = int(np.argmax(pairs <= 0)) if np.any(pairs <= 0) else len(pairs)
     return float(n / max(1.0, 1 + 2 * pairs[:stop].sum()))
+
+
+def _just_inside(z: RealArray, low: RealArray, high: RealArray) -> RealArray:
+    """Values strictly between their bounds, where the search takes its first step: no value is evaluated twice."""
+    room = np.minimum(_INSIDE * np.maximum(1.0, np.abs(z)), 0.5 * (high - low))
+    return np.clip(z, low + room, high - room)
 
 
 def _scale(parameter: Parameter) -> float:

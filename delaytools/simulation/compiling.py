@@ -37,6 +37,7 @@ WORTH_IT = 2.5  # times the mean steps of a frame those of the stiffest: from he
 ALIKE = 1.3  # times the steps that are needed: so many are kept, since runs on one grid differ by their values alone
 BESIDE = 3  # frames on either side that get the steps of a stiffer one: other values bring its states there
 ROUNDS = 4  # runs in which the steps that each frame needs are found
+FEW = 0.03  # of the frames: where so few asked for more, what sticks and slips would ask elsewhere the next time
 
 
 @final
@@ -145,7 +146,9 @@ def _needed(made: Callable[[Timing], Compiled], timing: Timing, pace: Pace) -> N
         found = maximum_filter1d(met, 2 * BESIDE + 1)
         if (met <= needed).all():
             return needed if len(needed) == len(found) and needed.sum() <= ALIKE * found.sum() else found
-        needed = np.maximum(found, needed)
+        short, needed = float(np.mean(met > needed)), np.maximum(found, needed)
+        if short < FEW:
+            break
     return needed
 
 

@@ -20,6 +20,7 @@ __all__ = [
 
 Array = NDArray[np.float64]
 MOST = 100  # steps per frame
+MAPPED = 1000  # points at a time
 STIFFNESS = 0.5  # largest |λ| h of one Runge–Kutta step
 START = "start of the run"
 SHARPEST = 3  # a jump in this derivative of a delayed signal no longer lowers the order of a Runge–Kutta step
@@ -121,14 +122,18 @@ def fastest_at(model: Physics, points: Sequence[Array]) -> Array:
     size, count = len(model.layout.states), len(points[0])
     around = [ca.SX.sym(f"a{i}", model.rates.size1_in(i)) for i in range(8)]
     jacobian = ca.Function("jacobian", around, [ca.densify(ca.jacobian(model.rates(*around), around[0]).T)])
-    mapped, columns = jacobian.map(count), np.empty((count, size, size))
+    chunk = min(count, MAPPED)  # a map of many points takes longer to build than to evaluate
+    mapped, columns = jacobian.map(chunk), np.empty((-(-count // chunk) * chunk, size, size))
     buffer, evaluate = mapped.buffer()
-    given = [np.ascontiguousarray(rows, dtype=float) for rows in points]
-    for place, rows in enumerate(given):
-        if rows.size:
-            buffer.set_arg(place, memoryview(rows))
-    buffer.set_res(0, memoryview(columns))
-    evaluate()
+    for first in range(0, count, chunk):
+        given = [np.zeros((chunk, rows.shape[1])) for rows in points]
+        for place, (rows, every) in enumerate(zip(given, points, strict=True)):
+            rows[: count - first] = every[first : first + chunk]
+            if rows.size:
+                buffer.set_arg(place, memoryview(rows))
+        buffer.set_res(0, memoryview(columns[first : first + chunk]))
+        evaluate()
+    columns = columns[:count]
     return _radius(np.nan_to_num(columns))
 
 
