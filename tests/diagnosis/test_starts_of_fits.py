@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from delaytools.diagnosis import fitting
 from delaytools.diagnosis import forward as room
 from delaytools.diagnosis.added import Added
-from delaytools.diagnosis.fitting import fit_hypothesis
+from delaytools.diagnosis.fitting import REMEMBERED, fit_hypothesis
 from delaytools.diagnosis.forward import FINEST, RESOLVED, _resolved, _shown_first
 from delaytools.diagnosis.joint_start import making_room
 from delaytools.diagnosis.leftover import imitated
@@ -15,7 +16,7 @@ from delaytools.diagnosis.noise_of import Carried, noise_of
 from delaytools.diagnosis.places import spots
 from delaytools.diagnosis.proposals import proposals, shortlisted
 from delaytools.diagnosis.refits import fitted_again, spared
-from delaytools.diagnosis.screen import Screened, base_of, response, screened
+from delaytools.diagnosis.screen import HELD, SOFTLY, STIFFEST, Screened, base_of, response, screened
 from delaytools.diagnosis.search import search
 from delaytools.diagnosis.starts import candidates
 from delaytools.diagnosis.swings import swings
@@ -271,3 +272,31 @@ def test_many_sources_of_one_coupling_leave_room_for_another_kind_that_is_as_goo
     tried = [*couplings, fitted(case, Added("scale_factor", "act.output", {"factor": 1.01}))]
     kinds = [one.added[0].kind for one in fitted_again(case, tried, tried[0])]
     assert sorted(kinds) == [*["cross_coupling"] * 4, "scale_factor"]
+
+
+def test_friction_begins_softly_and_never_holds_its_load_for_good() -> None:
+    """Stiff as it is, its fit begins where a run takes a few steps per row; the promise of a straight line may be 2."""
+    friction = Added("coulomb_friction", "act.rate'", {"level": 9e3, "smoothing": 0.5})
+    case = planted(ACTUATOR, (friction,), WAVE)
+    base = base_of(case, fitted(case))
+    found = {one.added.kind: one.added for one in screened(base, candidates(base.view, spots(case.segment)))}
+    level, smoothing = (found["coulomb_friction"].values[name] for name in ("level", "smoothing"))
+    low, _ = found["coulomb_friction"].limits["smoothing"]
+    assert smoothing >= SOFTLY * low * 0.999 and level * case.step / low <= STIFFEST * 1.001
+    assert 0 < found["load_dependent_friction"].values["coefficient"] <= HELD
+
+
+def test_a_fit_evaluates_no_values_twice(monkeypatch: pytest.MonkeyPatch) -> None:
+    case = planted(ACTUATOR, (Added("coulomb_friction", "act.rate'", {"level": 2e3, "smoothing": 0.5}),), WAVE)
+    seen: list[tuple[float, ...]] = []
+    evaluated = fitting._evaluated
+
+    def counted(case: object, added: object, values: tuple[float, ...], nearly: bool = False) -> object:
+        seen.append(values)
+        return evaluated(case, added, values, nearly)
+
+    monkeypatch.setattr(fitting, "_evaluated", counted)
+    begun = Added("coulomb_friction", "act.rate'", {"level": 500.0, "smoothing": 2.0})
+    begun = replace(begun, limits={"smoothing": (2.0, 40.0)})
+    fit_hypothesis(case, (begun,), near=fitted(case), tolerance=1e-4, evaluations=10)
+    assert len(seen) > REMEMBERED + 1 and len(set(seen)) == len(seen)

@@ -108,3 +108,15 @@ def test_enough_ends_a_search_where_it_stands() -> None:
     whole = estimate(left, [Parameter("rate", 1.0)])
     assert whole.success and whole["rate"].value == pytest.approx(40.0)
     assert np.abs(left(np.array([found["rate"].value]))).max() > 1e-3
+
+
+def test_a_start_on_its_bound_is_evaluated_once() -> None:
+    """A start is moved inside its bounds before anything is evaluated, not after."""
+    y, seen = line(), []
+
+    def residual(x: np.ndarray) -> np.ndarray:
+        seen.append(x.copy())
+        return BASIS @ x - y
+
+    found = estimate(residual, start(low=-1e5, high=-1e3), jacobian=lambda x: BASIS, coloured=False)
+    assert np.abs(seen[0] - seen[1]).max() == 0 and found["slope"].value == pytest.approx(-3e4, rel=1e-3)
