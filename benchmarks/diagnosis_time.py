@@ -32,8 +32,8 @@ STAGES = {  # function -> what it is; times are cumulative, and those indented a
     "transients": "  windows of gain",
     "swings": "  varying delays",
     "quantisations": "  quantisers",
-    "_fits": "first fits",
-    "_again": "fits to the end",
+    "fits": "first fits",
+    "fitted_again": "fits to the end",
     "noise_of": "noise",
     "segment_report": "report",
     "driven_best": "what drives a segment",
@@ -77,7 +77,7 @@ def profile(work: Callable[[], object]) -> list[str]:
     for (file, _, name), (_, _, _, spent, _) in pstats.Stats(watch).stats.items():
         if name in STAGES and f"{os.sep}delaytools{os.sep}" in file:
             times[name] = max(times.get(name, 0.0), spent)
-    return [f"    {STAGES[name]:32s} {times[name]:7.1f} s" for name in STAGES if name in times]
+    return [f"    {STAGES[name]:32s} {times.get(name, 0.0):7.1f} s" for name in STAGES]
 
 
 def main() -> None:
