@@ -112,7 +112,9 @@ def limit_cycles(
     for tau, here in zip(wanted, looked_at, strict=False):
         progress(f"limit cycles at {tau * 1e3:.4g} ms")
         runs = with_numbers(delayed, {f"{EXTRA}.delay": tau}) if check else None
-        found += [_cycle(here, one, at, tau, runs) for one in balanced_oscillations(here)]
+        balanced = balanced_oscillations(here)
+        exact = _exact_about(here, [one.s.imag / (2 * np.pi) for one in balanced])
+        found += [_cycle(here, one, at, tau, runs, exact) for one in balanced]
     names = tuple(part.name for part in balance.parts)
     sampling: Sampling = "continuous approximation" if balance.still.samplers else "exact"
     return LimitCycles(tuple(found), at, port, names, sampling, balance.without, _why(looked_at, found))
@@ -136,7 +138,9 @@ def _wide(balance: Balance) -> tuple[float, float]:
     return float(balance.net[0]) / (2 * np.pi), float(balance.net[-1]) / (2 * np.pi)
 
 
-def _cycle(balance: Balance, found: Oscillation, at: str, tau: float, runs: Loop | None) -> LimitCycle:
+def _cycle(
+    balance: Balance, found: Oscillation, at: str, tau: float, runs: Loop | None, exact: Sequence[RelayCycle]
+) -> LimitCycle:
     gains = piece_gains(balance, found)
     sizes = np.abs(found.amplitude)
     reference = int(np.argmax(sizes > 1e-6 * sizes.max()))
@@ -150,7 +154,7 @@ def _cycle(balance: Balance, found: Oscillation, at: str, tau: float, runs: Loop
     pieces = tuple(_at_work(balance, found, gains, index) for index in range(len(balance.parts)))
     return LimitCycle(
         tau, signals[at], frequency, stable, rate, balance.distortion(found), signals, pieces, verdict,
-        _exact_near(balance, frequency),
+        _nearest(exact, frequency),
     )  # fmt: skip
 
 
@@ -163,9 +167,15 @@ def _exact(balance: Balance, hertz: tuple[float, float]) -> tuple[RelayCycle, ..
     return relay_cycles(around, float(block.level), float(block.half_width), hertz) or ()
 
 
-def _exact_near(balance: Balance, frequency: float) -> RelayCycle | None:
-    found = _exact(balance, (frequency / _ALIKE, frequency * _ALIKE))
-    return min(found, key=lambda one: abs(np.log(one.frequency / frequency)), default=None)
+def _exact_about(balance: Balance, frequencies: Sequence[float]) -> tuple[RelayCycle, ...]:
+    """The exact cycles as slow or fast as some of these predicted ones (Hz)."""
+    return _exact(balance, (min(frequencies) / _ALIKE, max(frequencies) * _ALIKE)) if frequencies else ()
+
+
+def _nearest(exact: Sequence[RelayCycle], frequency: float) -> RelayCycle | None:
+    """The exact cycle that a predicted one of this frequency (Hz) stands for."""
+    alike = [one for one in exact if frequency / _ALIKE <= one.frequency <= frequency * _ALIKE]
+    return min(alike, key=lambda one: abs(np.log(one.frequency / frequency)), default=None)
 
 
 def _signals(balance: Balance, found: Oscillation) -> dict[str, float]:

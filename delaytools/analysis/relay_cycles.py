@@ -17,6 +17,7 @@ RealArray = NDArray[np.float64]
 
 _PER_DECADE = 80
 _GRID = 400  # instants of a half period
+_SAME = 1e-13  # of a half period: steps that differ by less are one
 
 
 @final
@@ -102,9 +103,21 @@ def _answer(path: _Path, level: float, half: float, t: RealArray) -> RealArray:
     whole[:n, :n], whole[:n, n] = path.A, path.B * level
     over = expm(whole * half)
     begin = -np.linalg.solve(np.eye(n) + over[:n, :n], over[:n, n])
-    moved = expm(whole * inside[:, None, None])
-    states = moved[:, :n, :n] @ begin + moved[:, :n, n]
+    states = _along(whole, np.append(begin, 1.0), inside, _SAME * half)[:, :n]
     return sign * (states @ path.C + path.D * level)
+
+
+def _along(whole: RealArray, begin: RealArray, times: RealArray, same: float) -> RealArray:
+    """(times, n): z(t) of z' = whole z, from time to time; steps that differ by less than `same` (s) are one."""
+    moves: dict[int, RealArray] = {}
+    found, z, last = np.empty((len(times), len(begin))), begin, 0.0
+    for place in np.argsort(times):
+        key = round((times[place] - last) / same)
+        if key not in moves:
+            moves[key] = expm(whole * (times[place] - last))
+        z, last = moves[key] @ z, times[place]
+        found[place] = z
+    return found
 
 
 def _switches_once(paths: tuple[_Path, ...], level: float, half_width: float, half: float) -> bool:
