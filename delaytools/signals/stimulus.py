@@ -304,7 +304,9 @@ class Column(Stimulus):
 
     @property
     def jumps(self) -> tuple[float, ...]:
-        first = self.time[:1] if self.before not in (None, self.values[0]) else self.time[:0]
+        """Also where the first row comes later than t = 0: there the value begins to move."""
+        begins = self.before not in (None, self.values[0]) or self.time[0] > 0
+        first = self.time[:1] if begins else self.time[:0]
         if not self.held:
             return tuple(first)
         changed = np.flatnonzero(np.diff(self.values)) + 1

@@ -110,7 +110,7 @@ def test_enough_ends_a_search_where_it_stands() -> None:
     assert np.abs(left(np.array([found["rate"].value]))).max() > 1e-3
 
 
-def test_a_start_on_its_bound_is_evaluated_once() -> None:
+def test_a_start_on_its_bound_is_the_same_for_check_and_search() -> None:
     """A start is moved inside its bounds before anything is evaluated, not after."""
     y, seen = line(), []
 
