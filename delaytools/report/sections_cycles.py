@@ -20,7 +20,7 @@ def cycles_section(contents: Contents) -> Section:
     if not curves:
         lead = "Nothing in any loop depends on amplitude: what oscillates grows or dies out."
         sought = contents.cycles and not missing
-        return Section("cycles", heading, lead if sought else "No limit cycle was found.", missing=missing)
+        return Section("cycles", heading, lead if sought else "Limit cycles could not be sought.", missing=missing)
     found = [(name, tau, one) for curve in curves for name, tau, answer in curve.present for one in answer.cycles]
     at, place = contents.asked.at, contents.asked.place
     unit = contents.cases[0].loop.units.get(at, "")

@@ -1,6 +1,7 @@
 """The chapter on limit cycles: lines followed over the delay, configurations checked, words that say which is which."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ from matplotlib.figure import Figure
 from delaytools.analysis.limit_cycles import LimitCycle
 from delaytools.design.design import parse_design
 from delaytools.report.cases import asked, cases
-from delaytools.report.contents import Contents, gather
+from delaytools.report.contents import Contents, Trouble, gather
 from delaytools.report.cycles import CycleCurve, _lines, cycle_curve
 from delaytools.report.delay_curves import delay_curve, families
 from delaytools.report.figure_cycles import draw_cycles
@@ -54,6 +55,12 @@ def test_a_loop_that_nothing_bends_has_no_lines(contents: Contents) -> None:
     assert all(curve.nonlinear == () and curve.lines == () for curve in contents.cycles)
     section = cycles_section(contents)
     assert "Nothing in any loop depends on amplitude" in section.lead and section.figures == ()
+
+
+def test_a_search_that_failed_does_not_say_that_there_is_none(contents: Contents) -> None:
+    failed = replace(contents, cycles=(), troubles=(*contents.troubles, Trouble("cycles", "no room")))
+    section = cycles_section(failed)
+    assert section.lead == "Limit cycles could not be sought." and section.missing == ("no room",)
 
 
 @pytest.mark.parametrize("piece", PIECES)
