@@ -104,8 +104,7 @@ class Replay:
     def _is_held(self, element: Element) -> bool:
         """Whether what enters a block is constant between ticks or rows."""
         held = network(resolve(self.loop)).held_signals
-        given = driven_late(self.stimuli, self._late, dict.fromkeys((e.name for e in self._late), 0.0))
-        held |= {name for name, one in given.items() if isinstance(one, Column) and one.held}
+        held |= {name for name, one in self._driven({}).items() if isinstance(one, Column) and one.held}
         names = {name for x in element.inputs.values() for name in x.names}
         return names - set(self.loop.parameters) <= held
 
@@ -126,9 +125,8 @@ class Replay:
     def run_driven(self, values: tuple[float, ...], stimuli: Mapping[str, Stimulus]) -> Array:
         """The run with other stimuli in the place of some, of the same kind: nothing is compiled anew."""
         compiled, chosen, _ = self._ready(values)
-        late = driven_late({**self.stimuli, **stimuli}, self._late, self._lateness(self._numbers(values)))
-        driven = replace(compiled, stimuli={**compiled.stimuli, **late})
-        return self._rows(compiled, run(driven, chosen, self._anew)[1])
+        driven = {**compiled.stimuli, **self._driven(self._numbers(values), stimuli)}
+        return self._rows(compiled, run(replace(compiled, stimuli=driven), chosen, self._anew)[1])
 
     def starts(self, values: tuple[float, ...]) -> tuple[Key, ...]:
         """The continuous states (element, state) whose values at the beginning may be free."""
@@ -226,7 +224,8 @@ class Replay:
     def _ready(self, values: tuple[float, ...]) -> tuple[Compiled, tuple[float, ...], list[int]]:
         """The compiled loop, the values that are free in it, and the places among them of those it is smooth in.
 
-        Values that shape the grid are numbers, but for times of jumps and constant delays; one of 0 is a wire.
+        Values that shape the grid are numbers, but for times of jumps and constant delays; a delay of 0 that
+        needs a history is a wire.
         """
         every = tuple(self._numbers(values).values())
         shaping = self._shaping_among(self._paths)
@@ -245,9 +244,10 @@ class Replay:
     def _late_paths(self) -> frozenset[str]:
         return frozenset(f"{e.path}.delay" for e in self._late)
 
-    def _lateness(self, numbers: Mapping[str, float]) -> dict[str, float]:
-        """Seconds of each delay of a column, for these values of the paths."""
-        return {e.name: numbers.get(f"{e.path}.delay", e.block.delay) for e in self._late}
+    def _driven(self, numbers: Mapping[str, float], others: Mapping[str, Stimulus] = {}) -> dict[str, Stimulus]:
+        """What drives the loop without these delays, for these values of the paths; others: in the place of some."""
+        seconds = {e.name: numbers.get(f"{e.path}.delay", e.block.delay) for e in self._late}
+        return driven_late({**self.stimuli, **others}, self._late, seconds)
 
     def _numbers(self, values: tuple[float, ...]) -> dict[str, float]:
         """Every value that a run takes, by path."""
@@ -278,15 +278,14 @@ class Replay:
         """One that was compiled for other delays and jumps, the last first, where it fits these as well."""
         alike = [one for (other, _), one in self._compiled.items() if other == rest]
         values = tuple(number for path, number in numbers.items() if path not in self._late_paths)
-        late = driven_late(self.stimuli, self._late, self._lateness(numbers))
-        return next((one for last in reversed(alike) if (one := moved(last, values, late)) is not None), None)
+        driven = self._driven(numbers)
+        return next((one for last in reversed(alike) if (one := moved(last, values, driven)) is not None), None)
 
     def _anew_compiled(self, numbers: Mapping[str, float]) -> Compiled:
         loop = with_numbers(self.loop, numbers) if numbers else self.loop
-        stimuli = driven_late(self.stimuli, self._late, self._lateness(numbers))
         duration = self.frame * math.ceil(float(self.time[-1]) / self.frame - EVEN)
         compiled = compile_loop(
-            replace(without(loop, self._late), frame=self.frame), stimuli, duration=duration,
+            replace(without(loop, self._late), frame=self.frame), self._driven(numbers), duration=duration,
             free=tuple(path for path in self._paths if path not in self._late_paths),
             substeps=self.substeps, pace=Pace(STIFF, self.finer, HOLDING, self.steps.get(LAST), self._most_steps),
             short=any(row for row, _ in self.begins) or len(self.time) < BRIEF,
